@@ -39,6 +39,7 @@ START, RAMP_STOP, COAST, RESET = 0x047C, 0x043C, 0x0434, 0x04BC
 START_BIT, VALID_BIT, TRIP, RUNNING = 0x0040, 0x0400, 0x0008, 0x0800
 TEXT_MOST, TEXT_REGISTERS = 20, 10
 TYPE_MISMATCH = 5
+MOST_NAMES = 12  # of an ambiguous one
 SIZES = {"uint8": (0, 0xFF), "int16": (-0x8000, 0x7FFF), "uint16": (0, 0xFFFF)}
 SIZES |= {"int32": (-0x80000000, 0x7FFFFFFF), "uint32": (0, 0xFFFFFFFF)}
 MEANING = {255: " (no answer from the drive)"}
@@ -78,7 +79,8 @@ def parameter(drive: str, word: str) -> Parameter:
         fits = [one for one in known.values() if word.lower() in one.name.lower()]
         exact = [one for one in fits if one.name.lower() == word.lower()]
         if len(exact or fits) != 1:
-            names = [f"  {one}" for one in fits[:12]]
+            names = [f"  {one}" for one in fits[:MOST_NAMES]]
+            names += [f"  and {len(fits) - MOST_NAMES} more"] if len(fits) > MOST_NAMES else []
             raise Problem(f"{len(fits) or 'no'} parameters of {drive} have '{word}' in their name", *names)
         found = (exact or fits)[0]
     return Parameter(*(found.number, found.name, found.type, found.conversion, found.unit), int(index or 0))

@@ -1,8 +1,9 @@
 # SPDX-License-Identifier: Apache-2.0
 """The command line of `rtu2fc`.
 
-Exit codes: 0 done; 1 a cross, a failed test, or a motor that does not run; 2 wrong option or file; 3 no such
-port, or it is busy; 4 no good answer; 5 refused by the card or the drive; 6 another dialect; 130 Ctrl-C.
+Exit codes: 0 done; 1 a cross, a failed test, or a motor that does not run;
+2 wrong option or file; 3 no such port, or it is busy; 4 no good answer;
+5 refused by the card or the drive; 6 another dialect; 130 Ctrl-C.
 """
 
 from __future__ import annotations
@@ -190,7 +191,7 @@ def build() -> argparse.ArgumentParser:
     one.add_argument("--baud", type=baud, help="at this rate alone")
     one.add_argument("--format", type=form, help="in this format alone")
     one.add_argument("--units", metavar="1-10,17", help="these units alone; default: 1-10, then 11-247")
-    one.add_argument("--all", action="store_true", help="go on after the first answer")
+    one.add_argument("--all", action="store_true", help="go on after the settings of the first answer")
     one = add("simulate", commands.simulate, "the virtual card's program, where it is built")
     one.add_argument("--program", metavar="FILE", help="default: build/card")
     one.add_argument("options", nargs=argparse.REMAINDER, metavar="OPTION", help="of that program")

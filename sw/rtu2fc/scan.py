@@ -5,6 +5,7 @@ from __future__ import annotations
 
 import argparse
 import itertools
+import math
 import re
 import time
 
@@ -112,16 +113,16 @@ def scan(args: argparse.Namespace, screen: Screen) -> int:
         groups = [units_of(args.units)]
     else:
         groups = [list(range(1, FIRST_UNITS + 1)), list(range(FIRST_UNITS + 1, 248))]
-    if not scan.listen():
-        for number, units in enumerate(groups):
-            settings = list(itertools.product(bauds, forms))
-            minutes = sum(len(units) * (ANSWER_S + 0.05 + 25 * 11 / baud) for baud, _ in settings) / 60
-            screen.say(f"asks units {units[0]}-{units[-1]}, at most {minutes:.0f} min", "dim")
-            for baud, form in settings:
-                if not (scan.found and number):
-                    scan.ask(baud, form, units)
-            if scan.found and not args.all:
-                break
+    settings = list(itertools.product(bauds, forms))
+    heard = scan.listen()
+    for units in groups:
+        if heard or (scan.found and not args.all):
+            break
+        minutes = sum(len(units) * (ANSWER_S + 0.05 + 25 * 11 / baud) for baud, _ in settings) / 60
+        screen.say(f"asks units {units[0]}-{units[-1]}, at most {math.ceil(minutes)} min", "dim")
+        for baud, form in settings:
+            if args.all or not scan.found:
+                scan.ask(baud, form, units)
     screen.result["found"] = scan.found
     if not scan.found:
         raise NoAnswer(

@@ -198,7 +198,7 @@ def test_a_parameter_is_found_by_number_and_name():
     assert parameter("vlt6000", "2000").type == ""
     with pytest.raises(Problem, match="parameters of vlt6000 have 'motor' in their name") as many:
         parameter("vlt6000", "motor")
-    assert "  104 Motor frequency fM,N" in many.value.advice
+    assert "  104 Motor frequency fM,N" in many.value.advice and many.value.advice[-1] == "  and 1 more"
     for wrong in ("0", "2048", "514[x]", "514[256]", "no such name"):
         with pytest.raises(Problem):
             parameter("vlt6000", wrong)
@@ -379,7 +379,7 @@ def test_without_a_command_the_commands_are_listed(capsys):
     assert cli.main([]) == 2
     output, errors = capsys.readouterr()
     assert output == "" and "parameters of the drive, with unit and conversion" in errors
-    assert max(map(len, errors.splitlines())) <= 110
+    assert max(map(len, errors.splitlines())) <= 80
 
 
 def test_a_reader_that_stops_is_no_error(card):
@@ -467,7 +467,7 @@ def test_scan_finds_rate_and_unit(tmp_path, monkeypatch):
     monkeypatch.setattr(scan, "LISTEN_S", 0.1)
     monkeypatch.setattr(scan, "ANSWER_S", 1.0)  # the virtual card falls behind on a busy machine
     with Card(tmp_path, "--quiet", "--sw-addr", "11100000") as card:
-        found = card.ask("scan", "--units", "5-8", "--baud", 9600, "--format", "8N2")
+        found = card.ask("scan", "--units", "5-8")
         assert found["found"] == [{"baud": 9600, "format": "8N2", "unit": 7, "heard": False}]
         card.stop()
         asked = {frame.data[1] for frame in card.frames() if frame.sender == "master"}
