@@ -7,6 +7,8 @@ transmission to a model receiver, and returns the edges of the reply.
 
 from __future__ import annotations
 
+import re
+
 from sw.rtu2fc.cases import (
     BYTES,
     EDGES,
@@ -25,214 +27,101 @@ from tb.agents.rs485 import Pulse
 from tb.agents.uart import Character, Flaws, Format, waveform, with_gaps
 
 UNIT = 17
-# Each fault has the number of the test that must find it. A test has a fault for each of its steps.
+# The faults by the test that must find them. A test has a fault for each of its steps.
+PLANTED = """
+SL-1  replies with address 0; replies with a swapped CRC; adds a byte to each reply; replies with another
+      function
+SL-2  answers every unit; answers unit 18; answers unit 247; answers unit 248; answers unit 255; is silent
+      after a request for another unit
+SL-3  obeys writes for others; answers writes for others
+SL-4  ignores broadcasts; ignores a broadcast of 06; ignores a broadcast of 16
+SL-5  answers broadcasts; answers a broadcast of 03; answers a broadcast of 06; sends exception 1 to a
+      broadcast; sends exception 2 to a broadcast; is silent after a broadcast
+SL-6  accepts any CRC; accepts a swapped CRC; accepts a CRC of 0; writes before it checks the CRC; compares
+      the low byte of the CRC only; compares the high byte of the CRC only; leaves a bit of the address out of
+      the CRC; leaves a bit of the value out of the CRC
+SL-7  keeps a part of a frame; answers a part of a frame
+SL-8  hangs after a long frame; answers a long frame with five bytes; answers a long frame
+SL-9  answers another unit's read of four registers; takes another unit's reply for a request; loses a request
+      after foreign traffic
+SL-10 answers a noise byte; loses a request after noise
+SL-11 takes gaps of 1.2 characters as an end
+SL-12 accepts gaps beyond 1.5 characters; accepts gaps of 2.3 characters; accepts a gap before byte 2; accepts
+      a gap before byte 5; accepts a gap before byte 8; accepts a gap before byte 8, silently; accepts a gap
+      before byte 8, without effect
+SL-13 needs 5 characters between frames
+SL-14 ends a frame after 2.3 characters; ends a frame after 2.3 characters, silently; ends a frame after 2.3
+      characters, without effect
+SL-15 accepts a write that a byte follows; accepts a write that a byte follows, silently
+SL-16 replies after 2 characters; replies half a bit too soon; replies to 03 after 2 characters; replies to 06
+      after 2 characters
+SL-17 replies with gaps
+SL-18 ignores parity; ignores parity of byte 1; ignores parity of byte 2; ignores parity of byte 5; ignores
+      parity of byte 8; ignores parity of byte 8, silently
+SL-19 ignores stop bits; ignores the stop bit of byte 3; ignores the stop bit of byte 7; ignores the stop bit
+      of byte 7, silently
+SL-20 sends odd parity; sends without parity; sends 0.7 stop bits
+SL-21 refuses each read; sends 1.5 % too slow; sends 1.5 % too fast
+SL-22 receives 4 % too fast; receives 4 % too slow
+SL-23 hangs after a break; answers a break
+SL-24 drops DE a bit too soon; raises DE 60 bits too soon; holds DE for 60 bits; never raises DE; never lowers
+      DE; raises DE twice; raises DE for every frame
+SL-25 is deaf for 60 bits after a reply
+SL-26 ignores a broadcast of 05; ignores a broadcast of 15; takes every broadcast of 05 as ON; takes every
+      broadcast of 05 as OFF
+AP-1  counts registers, not bytes; sends one register only; sends two registers for one
+AP-2  06 does not write; sends a register of 0 before each; 06 echoes the address only; 06 keeps its first
+      value
+AP-3  16 writes the first register only; 16 echoes the data; 16 swaps the bytes; 16 keeps its first value
+AP-4  sends exception 2 for a wrong quantity; reads 0 registers; reads 126 registers
+AP-5  has every register; sends exception 3 for a wrong address; wraps registers beyond 65535
+AP-6  06 writes to no register; 16 writes to no register
+AP-7  ignores the byte count; 16 takes too many bytes; 16 takes too few bytes; 16 refuses too many bytes and
+      writes
+AP-8  16 of nothing is good; 16 takes 124 registers; 16 takes 124 registers, silently; 16 counts its bytes
+      modulo 256
+AP-9  pads one coil with ones; pads the second byte of coils with ones; sends one byte of coils too many
+AP-10 05 inverts the coil; 05 only switches on; 05 only switches off; 05 echoes the address only
+AP-11 05 takes any value; 05 refuses a value and switches off
+AP-12 packs coils from the highest bit; 15 only switches on; 15 writes once; 15 echoes the data
+AP-13 reads 0 coils; reads 2001 coils
+AP-14 has every coil; wraps coils beyond 65535
+AP-15 is silent for an unknown function; sends exceptions without 80h; sends exceptions without a code; hangs
+      after an unknown function
+AP-16 answers function 131; answers function 0 with five bytes; hangs after function 0
+AP-17 ignores the length; hangs after a wrong length; 01 takes a byte too many; 01 takes a byte too few; 03
+      takes a byte too many; 03 takes a byte too few
+AP-18 03 ignores the address; 06 ignores the address; 16 ignores the address
+AP-19 keeps the low byte of a register; 06 loses the high byte; 16 loses the high byte; 03 loses the high byte
+AP-20 01 ignores the address; 05 ignores the address; 15 ignores the address
+AP-21 05 clears the coil's byte; 05 sets the coil's byte; 15 clears the other coils of a byte; 15 sets the
+      other coils of a byte
+AP-22 01 reads 0 from the ninth coil on; 01 reads 1 from the ninth coil on; 15 writes the first byte only; 01
+      begins at the byte of its first coil; 01 reads 0 from the tenth coil on; 15 writes the second byte once
+AP-23 refuses 03 of more than 100 registers; refuses 16 of more than 100 registers; keeps the address of a
+      register in 6 bits
+AP-24 refuses 01 of more than 1000 coils; refuses 15 of more than 1000 coils; keeps the address of a coil in
+      10 bits
+AP-25 03 reads across the end
+AP-26 16 writes across the end; 16 refuses the end and writes
+AP-27 01 reads across the end
+AP-28 15 writes across the end; 15 refuses the end and writes
+AP-29 06 takes a byte too many; 06 takes a byte too few; 16 takes a byte too many; 16 takes a byte too few; 06
+      takes a byte too many, silently
+AP-30 05 takes a byte too many; 05 takes a byte too few; 15 takes a byte too many; 15 takes a byte too few; 05
+      takes a byte too many, silently
+AP-31 15 of nothing is good; 15 takes 1969 coils; 15 takes too many bytes; 15 takes too few bytes; 15 refuses
+      too many bytes and writes
+AP-32 05 writes to no coil; 15 writes to no coil
+AP-33 02 counts inputs, not bytes; 02 pads inputs with ones; 04 counts inputs, not bytes; 04 sends two
+      registers for one
+AP-34 reads 0 inputs by 02; reads 2001 inputs by 02; reads 0 inputs by 04; reads 126 inputs by 04
+AP-35 02 has every input; 04 has every input
+"""
 FAULTS = {
-    "replies with address 0": "SL-1",
-    "replies with a swapped CRC": "SL-1",
-    "adds a byte to each reply": "SL-1",
-    "replies with another function": "SL-1",
-    "answers every unit": "SL-2",
-    "answers unit 18": "SL-2",
-    "answers unit 247": "SL-2",
-    "answers unit 248": "SL-2",
-    "answers unit 255": "SL-2",
-    "is silent after a request for another unit": "SL-2",
-    "obeys writes for others": "SL-3",
-    "answers writes for others": "SL-3",
-    "ignores broadcasts": "SL-4",
-    "ignores a broadcast of 06": "SL-4",
-    "ignores a broadcast of 16": "SL-4",
-    "answers broadcasts": "SL-5",
-    "answers a broadcast of 03": "SL-5",
-    "answers a broadcast of 06": "SL-5",
-    "sends exception 1 to a broadcast": "SL-5",
-    "sends exception 2 to a broadcast": "SL-5",
-    "is silent after a broadcast": "SL-5",
-    "accepts any CRC": "SL-6",
-    "accepts a swapped CRC": "SL-6",
-    "accepts a CRC of 0": "SL-6",
-    "writes before it checks the CRC": "SL-6",
-    "compares the low byte of the CRC only": "SL-6",
-    "compares the high byte of the CRC only": "SL-6",
-    "leaves a bit of the address out of the CRC": "SL-6",
-    "leaves a bit of the value out of the CRC": "SL-6",
-    "keeps a part of a frame": "SL-7",
-    "answers a part of a frame": "SL-7",
-    "hangs after a long frame": "SL-8",
-    "answers a long frame with five bytes": "SL-8",
-    "answers a long frame": "SL-8",
-    "answers another unit's read of four registers": "SL-9",
-    "takes another unit's reply for a request": "SL-9",
-    "loses a request after foreign traffic": "SL-9",
-    "answers a noise byte": "SL-10",
-    "loses a request after noise": "SL-10",
-    "takes gaps of 1.2 characters as an end": "SL-11",
-    "accepts gaps beyond 1.5 characters": "SL-12",
-    "accepts gaps of 2.3 characters": "SL-12",
-    "accepts a gap before byte 2": "SL-12",
-    "accepts a gap before byte 5": "SL-12",
-    "accepts a gap before byte 8": "SL-12",
-    "accepts a gap before byte 8, silently": "SL-12",
-    "accepts a gap before byte 8, without effect": "SL-12",
-    "needs 5 characters between frames": "SL-13",
-    "ends a frame after 2.3 characters": "SL-14",
-    "ends a frame after 2.3 characters, silently": "SL-14",
-    "ends a frame after 2.3 characters, without effect": "SL-14",
-    "accepts a write that a byte follows": "SL-15",
-    "accepts a write that a byte follows, silently": "SL-15",
-    "replies after 2 characters": "SL-16",
-    "replies half a bit too soon": "SL-16",
-    "replies to 03 after 2 characters": "SL-16",
-    "replies to 06 after 2 characters": "SL-16",
-    "replies with gaps": "SL-17",
-    "ignores parity": "SL-18",
-    "ignores parity of byte 1": "SL-18",
-    "ignores parity of byte 2": "SL-18",
-    "ignores parity of byte 5": "SL-18",
-    "ignores parity of byte 8": "SL-18",
-    "ignores parity of byte 8, silently": "SL-18",
-    "ignores stop bits": "SL-19",
-    "ignores the stop bit of byte 3": "SL-19",
-    "ignores the stop bit of byte 7": "SL-19",
-    "ignores the stop bit of byte 7, silently": "SL-19",
-    "sends odd parity": "SL-20",
-    "sends without parity": "SL-20",
-    "sends 0.7 stop bits": "SL-20",
-    "refuses each read": "SL-21",
-    "sends 1.5 % too slow": "SL-21",
-    "sends 1.5 % too fast": "SL-21",
-    "receives 4 % too fast": "SL-22",
-    "receives 4 % too slow": "SL-22",
-    "hangs after a break": "SL-23",
-    "answers a break": "SL-23",
-    "drops DE a bit too soon": "SL-24",
-    "raises DE 60 bits too soon": "SL-24",
-    "holds DE for 60 bits": "SL-24",
-    "never raises DE": "SL-24",
-    "never lowers DE": "SL-24",
-    "raises DE twice": "SL-24",
-    "raises DE for every frame": "SL-24",
-    "is deaf for 60 bits after a reply": "SL-25",
-    "ignores a broadcast of 05": "SL-26",
-    "ignores a broadcast of 15": "SL-26",
-    "takes every broadcast of 05 as ON": "SL-26",
-    "takes every broadcast of 05 as OFF": "SL-26",
-    "counts registers, not bytes": "AP-1",
-    "sends one register only": "AP-1",
-    "sends two registers for one": "AP-1",
-    "06 does not write": "AP-2",
-    "sends a register of 0 before each": "AP-2",
-    "06 echoes the address only": "AP-2",
-    "06 keeps its first value": "AP-2",
-    "16 writes the first register only": "AP-3",
-    "16 echoes the data": "AP-3",
-    "16 swaps the bytes": "AP-3",
-    "16 keeps its first value": "AP-3",
-    "sends exception 2 for a wrong quantity": "AP-4",
-    "reads 0 registers": "AP-4",
-    "reads 126 registers": "AP-4",
-    "has every register": "AP-5",
-    "sends exception 3 for a wrong address": "AP-5",
-    "wraps registers beyond 65535": "AP-5",
-    "06 writes to no register": "AP-6",
-    "16 writes to no register": "AP-6",
-    "ignores the byte count": "AP-7",
-    "16 takes too many bytes": "AP-7",
-    "16 takes too few bytes": "AP-7",
-    "16 refuses too many bytes and writes": "AP-7",
-    "16 of nothing is good": "AP-8",
-    "16 takes 124 registers": "AP-8",
-    "16 takes 124 registers, silently": "AP-8",
-    "16 counts its bytes modulo 256": "AP-8",
-    "pads one coil with ones": "AP-9",
-    "pads the second byte of coils with ones": "AP-9",
-    "sends one byte of coils too many": "AP-9",
-    "05 inverts the coil": "AP-10",
-    "05 only switches on": "AP-10",
-    "05 only switches off": "AP-10",
-    "05 echoes the address only": "AP-10",
-    "05 takes any value": "AP-11",
-    "05 refuses a value and switches off": "AP-11",
-    "packs coils from the highest bit": "AP-12",
-    "15 only switches on": "AP-12",
-    "15 writes once": "AP-12",
-    "15 echoes the data": "AP-12",
-    "reads 0 coils": "AP-13",
-    "reads 2001 coils": "AP-13",
-    "has every coil": "AP-14",
-    "wraps coils beyond 65535": "AP-14",
-    "is silent for an unknown function": "AP-15",
-    "sends exceptions without 80h": "AP-15",
-    "sends exceptions without a code": "AP-15",
-    "hangs after an unknown function": "AP-15",
-    "answers function 131": "AP-16",
-    "answers function 0 with five bytes": "AP-16",
-    "hangs after function 0": "AP-16",
-    "ignores the length": "AP-17",
-    "hangs after a wrong length": "AP-17",
-    **{
-        f"{function} takes a byte too {what}": "AP-17"
-        for function in ("01", "03")
-        for what in ("many", "few")
-    },
-    **{f"{function} ignores the address": "AP-18" for function in ("03", "06", "16")},
-    "keeps the low byte of a register": "AP-19",
-    "06 loses the high byte": "AP-19",
-    "16 loses the high byte": "AP-19",
-    "03 loses the high byte": "AP-19",
-    **{f"{function} ignores the address": "AP-20" for function in ("01", "05", "15")},
-    "05 clears the coil's byte": "AP-21",
-    "05 sets the coil's byte": "AP-21",
-    "15 clears the other coils of a byte": "AP-21",
-    "15 sets the other coils of a byte": "AP-21",
-    "01 reads 0 from the ninth coil on": "AP-22",
-    "01 reads 1 from the ninth coil on": "AP-22",
-    "15 writes the first byte only": "AP-22",
-    "01 begins at the byte of its first coil": "AP-22",
-    "01 reads 0 from the tenth coil on": "AP-22",
-    "15 writes the second byte once": "AP-22",
-    "refuses 03 of more than 100 registers": "AP-23",
-    "refuses 16 of more than 100 registers": "AP-23",
-    "keeps the address of a register in 6 bits": "AP-23",
-    "refuses 01 of more than 1000 coils": "AP-24",
-    "refuses 15 of more than 1000 coils": "AP-24",
-    "keeps the address of a coil in 10 bits": "AP-24",
-    "03 reads across the end": "AP-25",
-    "16 writes across the end": "AP-26",
-    "16 refuses the end and writes": "AP-26",
-    "01 reads across the end": "AP-27",
-    "15 writes across the end": "AP-28",
-    "15 refuses the end and writes": "AP-28",
-    **{
-        f"{function} takes a byte too {what}": "AP-29"
-        for function in ("06", "16")
-        for what in ("many", "few")
-    },
-    "06 takes a byte too many, silently": "AP-29",
-    **{
-        f"{function} takes a byte too {what}": "AP-30"
-        for function in ("05", "15")
-        for what in ("many", "few")
-    },
-    "05 takes a byte too many, silently": "AP-30",
-    "15 of nothing is good": "AP-31",
-    "15 takes 1969 coils": "AP-31",
-    "15 takes too many bytes": "AP-31",
-    "15 takes too few bytes": "AP-31",
-    "15 refuses too many bytes and writes": "AP-31",
-    "05 writes to no coil": "AP-32",
-    "15 writes to no coil": "AP-32",
-    "02 counts inputs, not bytes": "AP-33",
-    "02 pads inputs with ones": "AP-33",
-    "04 counts inputs, not bytes": "AP-33",
-    "04 sends two registers for one": "AP-33",
-    **{
-        f"reads {count} inputs by {f}": "AP-34"
-        for f, most in (("02", 2001), ("04", 126))
-        for count in (0, most)
-    },
-    "02 has every input": "AP-35",
-    "04 has every input": "AP-35",
+    " ".join(fault.split()): number
+    for number, faults in re.findall(r"^(\S+) +(.*(?:\n .*)*)", PLANTED, re.MULTILINE)
+    for fault in faults.split(";")
 }
 # What the specification allows a good slave.
 MANNERS = ("is silent for a wrong length",)

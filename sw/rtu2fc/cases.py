@@ -338,8 +338,11 @@ class Case:
 CASES: list[Case] = []
 
 
-def case(number: str, page: str, sent: str, must: str, must_not: str, needs: str = BYTES) -> Callable:
+def case(number: str, page: str, needs: str = BYTES) -> Callable:
+    """The docstring of the dialogue: what is sent, what must come, and what must not, with bars between."""
+
     def add(dialogue: Callable[[Session], Dialogue]) -> Callable:
+        sent, must, must_not = " ".join((dialogue.__doc__ or "- | - | -").split()).split(" | ")
         CASES.append(Case(number, page, sent, must, must_not, needs, dialogue))
         return dialogue
 
@@ -349,43 +352,43 @@ def case(number: str, page: str, sent: str, must: str, must_not: str, needs: str
 # ---------------------------------------------------------------- serial line: addresses and CRC
 
 
-@case("SL-1", "SL 8", "a read", "a reply with its own address and a right CRC", "another address, more bytes")
+@case("SL-1", "SL 8")
 def own_address(s: Session) -> Dialogue:
+    """a read | a reply with its own address and a right CRC | another address, more bytes"""
     found = s.good((yield from s.ask(s.read)))
     if len(found) != (4 if s.read[0] == 3 else 3):
         raise Fault(f"a reply of another length: {found.hex(' ')}")
 
 
-@case("SL-2", "SL 8, 10", "a read for other units, also 247, 248 and 255", "silence", "a reply")
+@case("SL-2", "SL 8, 10")
 def other_units(s: Session) -> Dialogue:
+    """a read for other units, also 247, 248 and 255 | silence | a reply"""
     for unit in (s.other, 247, 248, 255):
         if unit != s.profile.unit:
             s.silent((yield Send(rtu.build(unit, s.read))), f"a request for unit {unit}")
     yield from s.still_answers("requests for others")
 
 
-@case("SL-3", "SL 8", "a write for another unit", "silence; the register keeps its value", "a change")
+@case("SL-3", "SL 8")
 def others_writes(s: Session) -> Dialogue:
+    """a write for another unit | silence; the register keeps its value | a change"""
     send = Send(rtu.build(s.other, s.write(s.profile.values[1])))
     yield from s.without_effect(send, "a write for another unit")
 
 
-@case("SL-4", "SL 8", "a broadcast write by 06, by 16", "the register changes", "no change")
+@case("SL-4", "SL 8")
 def broadcast_writes(s: Session) -> Dialogue:
+    """a broadcast write by 06, by 16 | the register changes | no change"""
     for function in s.any_of(6, 16):
         yield from s.set(s.profile.values[0])
         yield Send(rtu.build(0, s.write(s.profile.values[1], function=function)))
         yield from s.holds(s.profile.values[1], f"a broadcast of {function:02}")
 
 
-@case(
-    "SL-5",
-    "SL 10",
-    "a broadcast write, a broadcast read, broadcasts of an unknown function and to no register",
-    "silence",
-    "a reply, an exception",
-)
+@case("SL-5", "SL 10")
 def broadcast_is_silent(s: Session) -> Dialogue:
+    """a broadcast write, a broadcast read, broadcasts of an unknown function and to no register | silence | a
+    reply, an exception"""
     p = s.profile
     for what, pdu in (
         ("write", s.write(p.values[0])),
@@ -397,8 +400,9 @@ def broadcast_is_silent(s: Session) -> Dialogue:
         yield from s.still_answers(f"a broadcast {what}")
 
 
-@case("SL-6", "SL 10, 15", "a write with each kind of wrong CRC", "silence; no change", "a reply, a change")
+@case("SL-6", "SL 10, 15")
 def wrong_crc(s: Session) -> Dialogue:
+    """a write with each kind of wrong CRC | silence; no change | a reply, a change"""
     good = s.request(s.write(s.profile.values[1]))
     swapped = good[:-2] + good[:-3:-1]
     for what, bad in (
@@ -413,44 +417,37 @@ def wrong_crc(s: Session) -> Dialogue:
             yield from s.without_effect(Send(bad), what)
 
 
-@case("SL-7", "SL 13", "five bytes of a request, a pause, a good request", "one reply, to the good one",
-      "a reply to the part, silence after it")  # fmt: skip
+@case("SL-7", "SL 13")
 def partial(s: Session) -> Dialogue:
+    """five bytes of a request, a pause, a good request | one reply, to the good one | a reply to the part,
+    silence after it"""
     s.silent((yield Send(s.request(s.read)[:5])), "a part of a request")
     yield from s.still_answers("a part of a request")
 
 
-@case(
-    "SL-8",
-    "SL 13",
-    "300 bytes with a right CRC, a pause, a good request",
-    "an exception or silence, then a reply",
-    "a normal reply to the first, silence to the good one",
-)
+@case("SL-8", "SL 13")
 def too_long(s: Session) -> Dialogue:
+    """300 bytes with a right CRC, a pause, a good request | an exception or silence, then a reply | a normal
+    reply to the first, silence to the good one"""
     pdu = bytes([16]) + s.profile.register.to_bytes(2, "big") + b"\0\x91\x22" + bytes(291)
     heard = yield Send(s.request(pdu))
     s.not_served(heard, 16, f"a frame of {len(pdu) + 3} bytes")
     yield from s.still_answers("a frame of 300 bytes")
 
 
-@case("SL-9", "SL 8, 14", "request and reply of another unit, a good request", "one reply, to the good one",
-      "a reply to the traffic of others")  # fmt: skip
+@case("SL-9", "SL 8, 14")
 def foreign_traffic(s: Session) -> Dialogue:
+    """request and reply of another unit, a good request | one reply, to the good one | a reply to the traffic
+    of others"""
     other = s.other
     s.silent((yield Send(rtu.build(other, rtu.read_registers(0, 4)))), "another unit's request")
     s.silent((yield Send(rtu.build(other, bytes([3, 8, *range(8)])))), "another unit's reply")
     yield from s.still_answers("another unit's traffic")
 
 
-@case(
-    "SL-10",
-    "SL 14",
-    "one noise byte, a pause, a good request",
-    "one reply, to the good one",
-    "a lost request",
-)
+@case("SL-10", "SL 14")
 def noise(s: Session) -> Dialogue:
+    """one noise byte, a pause, a good request | one reply, to the good one | a lost request"""
     s.silent((yield Send(b"\x55")), "a noise byte")
     yield from s.still_answers("a noise byte")
 
@@ -474,30 +471,18 @@ def short(s: Session) -> float:
     return fmt.bits / CHARACTER if fmt.baud <= 19200 else 1.0
 
 
-@case(
-    "SL-11",
-    "SL 13",
-    "a good request with a gap of 1.3 characters after each byte",
-    "a reply",
-    "silence",
-    EDGES,
-)
+@case("SL-11", "SL 13", EDGES)
 def legal_gaps(s: Session) -> Dialogue:
+    """a good request with a gap of 1.3 characters after each byte | a reply | silence"""
     gap = t15_bits(s) * short(s) * 1.3 / 1.5
     frame = s.request(s.read)
     flaws = Flaws(gaps=dict.fromkeys(range(1, len(frame)), gap))
     s.good((yield Send(frame, flaws)), f"a request with gaps of {gap:.1f} bits")
 
 
-@case(
-    "SL-12",
-    "SL 13",
-    "a write with one gap of 2.2 characters",
-    "silence; no change",
-    "a reply, a change",
-    EDGES,
-)
+@case("SL-12", "SL 13", EDGES)
 def long_gap(s: Session) -> Dialogue:
+    """a write with one gap of 2.2 characters | silence; no change | a reply, a change"""
     frame = s.request(s.write(s.profile.values[1]))
     gap = t15_bits(s) * 2.2 / 1.5
     for place in (1, 4, len(frame) - 1):
@@ -505,16 +490,16 @@ def long_gap(s: Session) -> Dialogue:
         yield from s.without_effect(send, f"a gap of {gap:.1f} bits before byte {place + 1}")
 
 
-@case("SL-13", "SL 13, 14", "a frame for another unit, 3.5 characters and a bit, a good request", "a reply",
-      "silence", EDGES)  # fmt: skip
+@case("SL-13", "SL 13, 14", EDGES)
 def shortest_pause(s: Session) -> Dialogue:
+    """a frame for another unit, 3.5 characters and a bit, a good request | a reply | silence"""
     yield Send(rtu.build(s.other, s.read), wait=False)
     yield from s.still_answers("3.5 characters and a bit", pause_bits=t35_bits(s) + 1)
 
 
-@case("SL-14", "SL 13, 14", "a frame for another unit, 2.5 characters, a write", "silence; no change",
-      "a reply, a change", EDGES)  # fmt: skip
+@case("SL-14", "SL 13, 14", EDGES)
 def pause_too_short(s: Session) -> Dialogue:
+    """a frame for another unit, 2.5 characters, a write | silence; no change | a reply, a change"""
     yield from s.set(s.profile.values[0])
     yield Send(rtu.build(s.other, s.read), wait=False)
     pause = t35_bits(s) * short(s) * 2.5 / 3.5
@@ -523,26 +508,27 @@ def pause_too_short(s: Session) -> Dialogue:
     yield from s.holds(s.profile.values[0], "a write after a pause that is too short")
 
 
-@case("SL-15", "SL 14", "a good write, and one more byte after 2.5 characters", "silence; no change",
-      "a reply, a change", EDGES)  # fmt: skip
+@case("SL-15", "SL 14", EDGES)
 def revoked(s: Session) -> Dialogue:
+    """a good write, and one more byte after 2.5 characters | silence; no change | a reply, a change"""
     frame = s.request(s.write(s.profile.values[1]))
     gap = t35_bits(s) * short(s) * 2.5 / 3.5
     send = Send(frame + b"\x55", Flaws(gaps={len(frame): gap}))
     yield from s.without_effect(send, "a write with a byte after it")
 
 
-@case("SL-16", "SL 13", "a read, a write", "a pause of 3.5 characters before each reply", "an earlier reply",
-      EDGES)  # fmt: skip
+@case("SL-16", "SL 13", EDGES)
 def reply_after_t35(s: Session) -> Dialogue:
+    """a read, a write | a pause of 3.5 characters before each reply | an earlier reply"""
     allowed = 0.25 + t35_bits(s) * (1 - short(s))
     limits = Limits(rate=None, edge_bits=None, early_bits=allowed)
     for pdu in (s.read, s.write(s.profile.values[0])):
         s.judged((yield from s.ask(pdu)), limits, early=True)
 
 
-@case("SL-17", "SL 13", "a read", "a reply without a gap of more than 1.5 characters", "a longer gap", EDGES)
+@case("SL-17", "SL 13", EDGES)
 def reply_without_gaps(s: Session) -> Dialogue:
+    """a read | a reply without a gap of more than 1.5 characters | a longer gap"""
     limits = Limits(rate=None, edge_bits=None)
     count = min(s.profile.registers, SEVERAL)
     pdu = rtu.read_registers(s.profile.register, count) if 3 in s.profile.functions else s.read
@@ -553,17 +539,18 @@ def reply_without_gaps(s: Session) -> Dialogue:
 # ---------------------------------------------------------------- serial line: characters
 
 
-@case("SL-18", "SL 19", "a write with one wrong parity bit, in each place", "silence; no change",
-      "a reply, a change", PARITY)  # fmt: skip
+@case("SL-18", "SL 19", PARITY)
 def wrong_parity(s: Session) -> Dialogue:
+    """a write with one wrong parity bit, in each place | silence; no change | a reply, a change"""
     frame = s.request(s.write(s.profile.values[1]))
     for place in (0, 1, 4, len(frame) - 1):
         send = Send(frame, Flaws(bad_parity=(place,)))
         yield from s.without_effect(send, f"wrong parity in byte {place + 1}")
 
 
-@case("SL-19", "SL 12", "a write with one low stop bit", "silence; no change", "a reply, a change", EDGES)
+@case("SL-19", "SL 12", EDGES)
 def low_stop_bit(s: Session) -> Dialogue:
+    """a write with one low stop bit | silence; no change | a reply, a change"""
     frame = s.request(s.write(s.profile.values[1]))
     for place in (2, len(frame) - 2):
         # One idle bit more, so that the next start bit is an edge.
@@ -571,10 +558,9 @@ def low_stop_bit(s: Session) -> Dialogue:
         yield from s.without_effect(send, f"a low stop bit in byte {place + 1}")
 
 
-@case(
-    "SL-20", "SL 12", "a read", "parity and stop bits as set, 11 bits a character", "other characters", EDGES
-)
+@case("SL-20", "SL 12", EDGES)
 def own_characters(s: Session) -> Dialogue:
+    """a read | parity and stop bits as set, 11 bits a character | other characters"""
     heard = yield from s.ask(s.read)
     s.judged(heard, Limits(rate=None))
     frame, fmt = heard.trace.frame(), s.profile.fmt
@@ -586,35 +572,31 @@ def own_characters(s: Session) -> Dialogue:
         raise Fault(f"characters of {min(starts):.1f} bits")
 
 
-@case("SL-21", "SL 20", "a read", "a reply within 1 % of the rate", "a larger error", EDGES)
+@case("SL-21", "SL 20", EDGES)
 def own_rate(s: Session) -> Dialogue:
+    """a read | a reply within 1 % of the rate | a larger error"""
     s.judged((yield from s.ask(s.read)), Limits(edge_bits=None))
 
 
-@case("SL-22", "SL 20", "requests 2 % too fast and 2 % too slow, without gaps", "replies", "silence", EDGES)
+@case("SL-22", "SL 20", EDGES)
 def senders_rate(s: Session) -> Dialogue:
+    """requests 2 % too fast and 2 % too slow, without gaps | replies | silence"""
     for ppm in (20_000, -20_000):
         for value in s.profile.values:
             heard = yield from s.ask(s.write(value), flaws=Flaws(ppm=ppm))
             s.good(heard, f"a write at {ppm / 10_000:+.0f} %")
 
 
-@case(
-    "SL-23",
-    "SL 14",
-    "a break of 30 bits, a pause, a good request",
-    "one reply, to the good one",
-    "silence",
-    EDGES,
-)
+@case("SL-23", "SL 14", EDGES)
 def a_break(s: Session) -> Dialogue:
+    """a break of 30 bits, a pause, a good request | one reply, to the good one | silence"""
     s.silent((yield Send(low_bits=30)), "a break")
     yield from s.still_answers("a break")
 
 
-@case("SL-24", "SL 22", "a read", "DE during the reply, at most 3.5 characters longer",
-      "a driver on the line outside", PINS)  # fmt: skip
+@case("SL-24", "SL 22", PINS)
 def driver(s: Session) -> Dialogue:
+    """a read | DE during the reply, at most 3.5 characters longer | a driver on the line outside"""
     limit = t35_bits(s)
     limits = Limits(rate=None, edge_bits=None, de_lead_bits=limit, de_lag_bits=limit)
     heard = yield from s.ask(s.read)
@@ -626,21 +608,16 @@ def driver(s: Session) -> Dialogue:
         raise Fault("DE rises after another unit's request")
 
 
-@case(
-    "SL-25",
-    "SL 13, 14",
-    "a read 3.5 characters and a bit after its own reply",
-    "a reply",
-    "silence",
-    EDGES,
-)
+@case("SL-25", "SL 13, 14", EDGES)
 def after_own_reply(s: Session) -> Dialogue:
+    """a read 3.5 characters and a bit after its own reply | a reply | silence"""
     s.good((yield from s.ask(s.read)))
     yield from s.still_answers("its own reply", pause_bits=t35_bits(s) + 1)
 
 
-@case("SL-26", "SL 8", "a broadcast write by 05, by 15", "the coil changes", "no change")
+@case("SL-26", "SL 8")
 def broadcast_writes_coils(s: Session) -> Dialogue:
+    """a broadcast write by 05, by 15 | the coil changes | no change"""
     s.needs(1)
     for on in (True, False):
         for function in s.any_of(5, 15):
@@ -652,14 +629,9 @@ def broadcast_writes_coils(s: Session) -> Dialogue:
 # ---------------------------------------------------------------- application: registers
 
 
-@case(
-    "AP-1",
-    "AP 15",
-    "03 of one register and of several",
-    "a byte count of 2 N and N registers",
-    "another length",
-)
+@case("AP-1", "AP 15")
 def reads_registers(s: Session) -> Dialogue:
+    """03 of one register and of several | a byte count of 2 N and N registers | another length"""
     s.needs(3)
     for count in {1, min(s.profile.registers, SEVERAL)}:
         found = s.good((yield from s.ask(rtu.read_registers(s.profile.register, count))))
@@ -667,8 +639,9 @@ def reads_registers(s: Session) -> Dialogue:
             raise Fault(f"03 of {count} registers: {found.hex(' ')}")
 
 
-@case("AP-2", "AP 19", "06, then 03", "an echo of the request; the register holds the value", "another reply")
+@case("AP-2", "AP 19")
 def writes_a_register(s: Session) -> Dialogue:
+    """06, then 03 | an echo of the request; the register holds the value | another reply"""
     s.needs(3, 6)
     for value in s.profile.values:
         pdu = rtu.write_register(s.profile.register, value)
@@ -676,14 +649,9 @@ def writes_a_register(s: Session) -> Dialogue:
         yield from s.holds(value, "after 06")
 
 
-@case(
-    "AP-3",
-    "AP 30",
-    "16 of several registers, then 03",
-    "function, address, quantity; all values",
-    "another reply",
-)
+@case("AP-3", "AP 30")
 def writes_registers(s: Session) -> Dialogue:
+    """16 of several registers, then 03 | function, address, quantity; all values | another reply"""
     s.needs(3, 16)
     first, count = s.profile.register, min(s.profile.registers, SEVERAL)
     for turn in (s.profile.values, s.profile.values[::-1]):
@@ -695,47 +663,33 @@ def writes_registers(s: Session) -> Dialogue:
         s.equal(found, bytes([3, 2 * count]) + words, "03 after 16")
 
 
-@case("AP-4", "AP 15, 16", "03 of 0 and of 126 registers", "exception 3", "another code, silence")
+@case("AP-4", "AP 15, 16")
 def read_quantity(s: Session) -> Dialogue:
+    """03 of 0 and of 126 registers | exception 3 | another code, silence"""
     s.needs(3)
     for count in (0, 126):
         yield from s.refused(rtu.read_registers(s.profile.register, count), 3, f"03 of {count} registers")
 
 
-@case(
-    "AP-5",
-    "AP 48",
-    "03 of a register that is not there, 03 beyond 65535",
-    "exception 2",
-    "another code, silence",
-)
+@case("AP-5", "AP 48")
 def read_address(s: Session) -> Dialogue:
+    """03 of a register that is not there, 03 beyond 65535 | exception 2 | another code, silence"""
     s.needs(3)
     for first, count in ((s.profile.no_register, 1), (0xFFFF, 2)):
         yield from s.refused(rtu.read_registers(first, count), 2, f"03 of {first:04X}h")
 
 
-@case(
-    "AP-6",
-    "AP 19, 48",
-    "06 and 16 to a register that is not there",
-    "exception 2",
-    "another code, silence",
-)
+@case("AP-6", "AP 19, 48")
 def write_address(s: Session) -> Dialogue:
+    """06 and 16 to a register that is not there | exception 2 | another code, silence"""
     for function in s.any_of(6, 16):
         pdu = s.write(s.profile.values[0], s.profile.no_register, function)
         yield from s.refused(pdu, 2, f"{function:02} to no register")
 
 
-@case(
-    "AP-7",
-    "AP 30",
-    "16 with a byte count that is not 2 N",
-    "exception 3; no change",
-    "another code, a change",
-)
+@case("AP-7", "AP 30")
 def byte_count(s: Session) -> Dialogue:
+    """16 with a byte count that is not 2 N | exception 3; no change | another code, a change"""
     s.needs(3, 16)
     head, word = bytes([16]) + s.profile.register.to_bytes(2, "big"), s.profile.values[1].to_bytes(2, "big")
     for count, words in ((1, 2), (2, 1)):
@@ -743,14 +697,9 @@ def byte_count(s: Session) -> Dialogue:
         yield from s.refused_without_effect(pdu, 3, f"16 of {count} registers with {2 * words} bytes")
 
 
-@case(
-    "AP-8",
-    "AP 30",
-    "16 of 0, 124 and 129 registers",
-    "exception 3 (124: or silence); no change",
-    "another code, a change",
-)
+@case("AP-8", "AP 30")
 def write_quantity(s: Session) -> Dialogue:
+    """16 of 0, 124 and 129 registers | exception 3 (124: or silence); no change | another code, a change"""
     s.needs(3, 16)
     head, word = bytes([16]) + s.profile.register.to_bytes(2, "big"), s.profile.values[1].to_bytes(2, "big")
     yield from s.refused_without_effect(head + b"\0\0\0", 3, "16 of 0 registers")
@@ -764,14 +713,9 @@ def write_quantity(s: Session) -> Dialogue:
 # ---------------------------------------------------------------- application: coils
 
 
-@case(
-    "AP-9",
-    "AP 11, 12",
-    "01 of one coil and of ten",
-    "the byte count; the bits beyond are 0",
-    "another length",
-)
+@case("AP-9", "AP 11, 12")
 def reads_coils(s: Session) -> Dialogue:
+    """01 of one coil and of ten | the byte count; the bits beyond are 0 | another length"""
     s.needs(1)
     for count in {1, min(SEVERAL, s.profile.coils)}:
         found, size = s.good((yield from s.ask(rtu.read_coils(s.profile.coil, count)))), (count + 7) // 8
@@ -781,8 +725,9 @@ def reads_coils(s: Session) -> Dialogue:
             raise Fault(f"01 of {count} coils: bits beyond are 1: {found.hex(' ')}")
 
 
-@case("AP-10", "AP 17", "05 ON and OFF, then 01", "echoes; the coil follows", "another reply")
+@case("AP-10", "AP 17")
 def writes_a_coil(s: Session) -> Dialogue:
+    """05 ON and OFF, then 01 | echoes; the coil follows | another reply"""
     s.needs(1, 5)
     for on in (True, False):
         pdu = rtu.write_coil(s.profile.coil, on)
@@ -790,14 +735,9 @@ def writes_a_coil(s: Session) -> Dialogue:
         s.equal((yield from s.ask(rtu.read_coils(s.profile.coil, 1))), bytes([1, 1, on]), "01 after 05")
 
 
-@case(
-    "AP-11",
-    "AP 17, 19",
-    "05 with the value 1234h",
-    "exception 3; the coil keeps its state",
-    "another code, a change",
-)
+@case("AP-11", "AP 17, 19")
 def coil_value(s: Session) -> Dialogue:
+    """05 with the value 1234h | exception 3; the coil keeps its state | another code, a change"""
     s.needs(1, 5)
     pdu = rtu.write_coil(s.profile.coil, True)
     s.equal((yield from s.ask(pdu)), pdu, "05")
@@ -805,14 +745,9 @@ def coil_value(s: Session) -> Dialogue:
     s.equal((yield from s.ask(rtu.read_coils(s.profile.coil, 1))), bytes([1, 1, 1]), "01 after it")
 
 
-@case(
-    "AP-12",
-    "AP 29",
-    "15 of several coils, then 01",
-    "function, address, quantity; all coils",
-    "another reply",
-)
+@case("AP-12", "AP 29")
 def writes_coils(s: Session) -> Dialogue:
+    """15 of several coils, then 01 | function, address, quantity; all coils | another reply"""
     s.needs(1, 15)
     count = min(s.profile.coils, 3)
     for bits in ([True, False, True][:count], [False] * count):
@@ -822,21 +757,17 @@ def writes_coils(s: Session) -> Dialogue:
         s.equal((yield from s.ask(rtu.read_coils(s.profile.coil, count))), bytes([1, 1, due]), "01 after 15")
 
 
-@case("AP-13", "AP 12", "01 of 0 and of 2001 coils", "exception 3", "another code, silence")
+@case("AP-13", "AP 12")
 def coil_quantity(s: Session) -> Dialogue:
+    """01 of 0 and of 2001 coils | exception 3 | another code, silence"""
     s.needs(1)
     for count in (0, 2001):
         yield from s.refused(rtu.read_coils(s.profile.coil, count), 3, f"01 of {count} coils")
 
 
-@case(
-    "AP-14",
-    "AP 12, 48",
-    "01 of a coil that is not there, 01 beyond 65535",
-    "exception 2",
-    "another code, silence",
-)
+@case("AP-14", "AP 12, 48")
 def coil_address(s: Session) -> Dialogue:
+    """01 of a coil that is not there, 01 beyond 65535 | exception 2 | another code, silence"""
     s.needs(1)
     for first, count in ((s.profile.no_coil, 1), (0xFFFF, 2)):
         yield from s.refused(rtu.read_coils(first, count), 2, f"01 of {first:04X}h")
@@ -845,30 +776,26 @@ def coil_address(s: Session) -> Dialogue:
 # ---------------------------------------------------------------- application: functions
 
 
-@case(
-    "AP-15",
-    "AP 9, 48",
-    "a function that it does not have",
-    "exception 1 with the function + 80h",
-    "another code, silence",
-)
+@case("AP-15", "AP 9, 48")
 def unknown_function(s: Session) -> Dialogue:
+    """a function that it does not have | exception 1 with the function + 80h | another code, silence"""
     unknown = s.profile.unknown
     yield from s.refused(bytes([unknown, 0, 0, 0, 1]), 1, f"function {unknown}")
     yield from s.still_answers("an unknown function")
 
 
-@case("AP-16", "AP 4", "function 0 and function 131", "an exception or silence", "a normal reply")
+@case("AP-16", "AP 4")
 def reserved_functions(s: Session) -> Dialogue:
+    """function 0 and function 131 | an exception or silence | a normal reply"""
     for function in (0, 131):
         heard = yield from s.ask(bytes([function]) + s.read[1:])
         s.not_served(heard, function, f"function {function}")
     yield from s.still_answers("reserved functions")
 
 
-@case("AP-17", "AP 48", "01 and 03 with one byte too many and too few", "exception 3 or silence",
-      "a normal reply")  # fmt: skip
+@case("AP-17", "AP 48")
 def wrong_length(s: Session) -> Dialogue:
+    """01 and 03 with one byte too many and too few | exception 3 or silence | a normal reply"""
     for function in s.any_of(1, 3):
         pdu = (
             rtu.read_registers(s.profile.register, 1) if function == 3 else rtu.read_coils(s.profile.coil, 1)
@@ -881,14 +808,9 @@ def wrong_length(s: Session) -> Dialogue:
 # ---------------------------------------------------------------- application: the right place and value
 
 
-@case(
-    "AP-18",
-    "AP 15, 19, 30",
-    "06 and 16 to two neighbours, 03 of each",
-    "each has its own value",
-    "the value of the other",
-)
+@case("AP-18", "AP 15, 19, 30")
 def neighbours(s: Session) -> Dialogue:
+    """06 and 16 to two neighbours, 03 of each | each has its own value | the value of the other"""
     s.needs(3)
     s.needs_registers(2)
     for function in s.any_of(6, 16):
@@ -898,8 +820,9 @@ def neighbours(s: Session) -> Dialogue:
             yield from s.holds(value, f"{function:02} of two neighbours", s.profile.register + n)
 
 
-@case("AP-19", "AP 15, 19, 30", "06 and 16 of a value above 255, 03", "the whole value", "one byte of it")
+@case("AP-19", "AP 15, 19, 30")
 def whole_values(s: Session) -> Dialogue:
+    """06 and 16 of a value above 255, 03 | the whole value | one byte of it"""
     s.needs(3)
     large = [value for value in s.profile.values if value > 255]
     if not large:
@@ -910,14 +833,9 @@ def whole_values(s: Session) -> Dialogue:
             yield from s.holds(value, f"after {function:02}")
 
 
-@case(
-    "AP-20",
-    "AP 12, 17, 29",
-    "05 and 15 to two neighbours, 01 of each",
-    "each has its own state",
-    "the state of the other",
-)
+@case("AP-20", "AP 12, 17, 29")
 def neighbour_coils(s: Session) -> Dialogue:
+    """05 and 15 to two neighbours, 01 of each | each has its own state | the state of the other"""
     s.needs(1)
     s.needs_coils(2)
     for function in s.any_of(5, 15):
@@ -928,14 +846,10 @@ def neighbour_coils(s: Session) -> Dialogue:
             yield from s.coils_hold([on], f"after {function:02} of two neighbours", s.profile.coil + n)
 
 
-@case(
-    "AP-21",
-    "AP 17, 29",
-    "05 of one coil and 15 of two among others, 01 of all",
-    "the others keep their states",
-    "a change of the others",
-)
+@case("AP-21", "AP 17, 29")
 def other_coils(s: Session) -> Dialogue:
+    """05 of one coil and 15 of two among others, 01 of all | the others keep their states | a change of the
+    others"""
     s.needs(1)
     s.needs_coils(4)
     count, first = min(s.profile.coils, SEVERAL), s.profile.coil
@@ -950,8 +864,9 @@ def other_coils(s: Session) -> Dialogue:
             yield from s.coils_hold(bits, f"after {function:02} among others")
 
 
-@case("AP-22", "AP 12, 29", "15 and 01 of ten coils, 01 from the second on", "all coils", "lost coils")
+@case("AP-22", "AP 12, 29")
 def more_than_a_byte(s: Session) -> Dialogue:
+    """15 and 01 of ten coils, 01 from the second on | all coils | lost coils"""
     s.needs(1, 15)
     s.needs_coils(9)
     for pair in ((True, False), (False, True)):
@@ -961,8 +876,9 @@ def more_than_a_byte(s: Session) -> Dialogue:
         yield from s.coils_hold(bits[1:], "from the second on", s.profile.coil + 1)
 
 
-@case("AP-23", "AP 15, 30", "16 of 123 registers, 03 of 125", "all values", "an exception, other values")
+@case("AP-23", "AP 15, 30")
 def most_registers(s: Session) -> Dialogue:
+    """16 of 123 registers, 03 of 125 | all values | an exception, other values"""
     s.needs(3, 16)
     most, written = MOST_READ[3], MOST_WRITTEN[16]
     s.needs_registers(most)
@@ -975,8 +891,9 @@ def most_registers(s: Session) -> Dialogue:
     s.equal(found, bytes([3, 2 * most]) + words, "03 of 125 registers")
 
 
-@case("AP-24", "AP 12, 29", "15 of 1968 coils, 01 of 2000", "all coils", "an exception, other coils")
+@case("AP-24", "AP 12, 29")
 def most_coils(s: Session) -> Dialogue:
+    """15 of 1968 coils, 01 of 2000 | all coils | an exception, other coils"""
     s.needs(1, 15)
     most, written = MOST_READ[1], MOST_WRITTEN[15]
     s.needs_coils(most)
@@ -989,8 +906,9 @@ def most_coils(s: Session) -> Dialogue:
 # ---------------------------------------------------------------- application: the end of the map
 
 
-@case("AP-25", "AP 48", "03 across the last register", "exception 2", "a normal reply, another code")
+@case("AP-25", "AP 48")
 def read_across_the_end(s: Session) -> Dialogue:
+    """03 across the last register | exception 2 | a normal reply, another code"""
     s.needs(3)
     last = s.profile.no_register - 1
     if not (yield from s.serves(rtu.read_registers(last, 1))):
@@ -998,8 +916,9 @@ def read_across_the_end(s: Session) -> Dialogue:
     yield from s.refused(rtu.read_registers(last, 2), 2, "03 across the last register")
 
 
-@case("AP-26", "AP 48", "16 across the last register", "exception 2; no change", "another code, a change")
+@case("AP-26", "AP 48")
 def write_across_the_end(s: Session) -> Dialogue:
+    """16 across the last register | exception 2; no change | another code, a change"""
     s.needs(3, 16)
     p = s.profile
     if p.no_register != p.register + p.registers:
@@ -1011,8 +930,9 @@ def write_across_the_end(s: Session) -> Dialogue:
     yield from s.holds(p.values[0], "a refused 16 across the last register", last)
 
 
-@case("AP-27", "AP 48", "01 across the last coil", "exception 2", "a normal reply, another code")
+@case("AP-27", "AP 48")
 def read_across_the_last_coil(s: Session) -> Dialogue:
+    """01 across the last coil | exception 2 | a normal reply, another code"""
     s.needs(1)
     last = s.profile.no_coil - 1
     if not (yield from s.serves(rtu.read_coils(last, 1))):
@@ -1020,8 +940,9 @@ def read_across_the_last_coil(s: Session) -> Dialogue:
     yield from s.refused(rtu.read_coils(last, 2), 2, "01 across the last coil")
 
 
-@case("AP-28", "AP 48", "15 across the last coil", "exception 2; no change", "another code, a change")
+@case("AP-28", "AP 48")
 def write_across_the_last_coil(s: Session) -> Dialogue:
+    """15 across the last coil | exception 2; no change | another code, a change"""
     s.needs(1, 15)
     p = s.profile
     if p.no_coil != p.coil + p.coils:
@@ -1035,14 +956,10 @@ def write_across_the_last_coil(s: Session) -> Dialogue:
 # ---------------------------------------------------------------- application: wrong writes
 
 
-@case(
-    "AP-29",
-    "AP 48",
-    "06 and 16 with one byte too many and too few",
-    "exception 3 or silence; no change",
-    "a normal reply, a change",
-)
+@case("AP-29", "AP 48")
 def wrong_length_of_writes(s: Session) -> Dialogue:
+    """06 and 16 with one byte too many and too few | exception 3 or silence; no change | a normal reply, a
+    change"""
     s.needs(3)
     for function in s.any_of(6, 16):
         pdu = s.write(s.profile.values[1], function=function)
@@ -1050,14 +967,10 @@ def wrong_length_of_writes(s: Session) -> Dialogue:
             yield from s.refused_without_effect(wrong, 3, f"{function:02} with one byte {what}", silence=True)
 
 
-@case(
-    "AP-30",
-    "AP 48",
-    "05 and 15 with one byte too many and too few",
-    "exception 3 or silence; no change",
-    "a normal reply, a change",
-)
+@case("AP-30", "AP 48")
 def wrong_length_of_coil_writes(s: Session) -> Dialogue:
+    """05 and 15 with one byte too many and too few | exception 3 or silence; no change | a normal reply, a
+    change"""
     s.needs(1)
     for function in s.any_of(5, 15):
         pdu = s.write_coil(False, function=function)
@@ -1065,14 +978,10 @@ def wrong_length_of_coil_writes(s: Session) -> Dialogue:
             yield from s.coils_without_effect(wrong, 3, f"{function:02} with one byte {what}", silence=True)
 
 
-@case(
-    "AP-31",
-    "AP 29",
-    "15 of 0 and 1969 coils, 15 with a byte too many and too few for its coils",
-    "exception 3; no change",
-    "another code, a change",
-)
+@case("AP-31", "AP 29")
 def write_coil_quantity(s: Session) -> Dialogue:
+    """15 of 0 and 1969 coils, 15 with a byte too many and too few for its coils | exception 3; no change |
+    another code, a change"""
     s.needs(1, 15)
     head = bytes([15]) + s.profile.coil.to_bytes(2, "big")
     for count, size in ((0, 0), (MOST_WRITTEN[15] + 1, 247), (1, 2), (9, 1)):
@@ -1080,10 +989,9 @@ def write_coil_quantity(s: Session) -> Dialogue:
         yield from s.coils_without_effect(pdu, 3, f"15 of {count} coils with {size} bytes")
 
 
-@case(
-    "AP-32", "AP 17, 29, 48", "05 and 15 to a coil that is not there", "exception 2", "another code, an echo"
-)
+@case("AP-32", "AP 17, 29, 48")
 def write_coil_address(s: Session) -> Dialogue:
+    """05 and 15 to a coil that is not there | exception 2 | another code, an echo"""
     for function in s.any_of(5, 15):
         pdu = s.write_coil(True, s.profile.no_coil, function)
         yield from s.refused(pdu, 2, f"{function:02} to no coil")
@@ -1096,9 +1004,9 @@ def read_inputs(function: int, first: int, count: int) -> bytes:
     return bytes([function]) + rtu.read_coils(first, count)[1:]
 
 
-@case("AP-33", "AP 13, 16", "02 and 04 of one input and of several", "the byte count; 02: other bits are 0",
-      "another length")  # fmt: skip
+@case("AP-33", "AP 13, 16")
 def reads_inputs(s: Session) -> Dialogue:
+    """02 and 04 of one input and of several | the byte count; 02: other bits are 0 | another length"""
     for function in s.any_of(2, 4):
         for count in {1, min(s.profile.inputs, SEVERAL)}:
             found = s.good((yield from s.ask(read_inputs(function, s.profile.input, count))))
@@ -1108,24 +1016,18 @@ def reads_inputs(s: Session) -> Dialogue:
                 raise Fault(f"{function:02} of {count} inputs: {found.hex(' ')}")
 
 
-@case(
-    "AP-34", "AP 13, 16", "02 of 0 and 2001 inputs, 04 of 0 and 126", "exception 3", "another code, silence"
-)
+@case("AP-34", "AP 13, 16")
 def input_quantity(s: Session) -> Dialogue:
+    """02 of 0 and 2001 inputs, 04 of 0 and 126 | exception 3 | another code, silence"""
     for function in s.any_of(2, 4):
         for count in (0, MOST_READ[function] + 1):
             pdu = read_inputs(function, s.profile.input, count)
             yield from s.refused(pdu, 3, f"{function:02} of {count} inputs")
 
 
-@case(
-    "AP-35",
-    "AP 13, 16, 48",
-    "02 and 04 of an input that is not there",
-    "exception 2",
-    "another code, silence",
-)
+@case("AP-35", "AP 13, 16, 48")
 def input_address(s: Session) -> Dialogue:
+    """02 and 04 of an input that is not there | exception 2 | another code, silence"""
     for function in s.any_of(2, 4):
         pdu = read_inputs(function, s.profile.no_input, 1)
         yield from s.refused(pdu, 2, f"{function:02} of no input")
