@@ -37,6 +37,7 @@ from rtl.command import run_main
 from rtl.sources import ROOT
 from sim.view.wave_file import WaveFile
 from tb.agents import rtu
+from tb.agents.edges import Trace
 from tb.agents.uart import Format
 from tb.lib.card import MS, baud_switches
 from tb.lib.fast_card import SHOWN_SEED, SLOW_HZ, FastCard
@@ -326,21 +327,9 @@ class Recorded:
         return not any(start <= rise <= end for rise, _ in self.pulses(name))
 
     def characters(self, pin: str) -> list[Block]:
-        """Characters on a pin, each bit sampled in its middle."""
-        edges, found, free = self.edges[pin], [], 0.0
-        for start, level in edges:
-            if level or start < free:
-                continue
-            read = [self._level(edges, start + (i + 0.5) * BIT) for i in range(LINE.bits)]
-            value = sum(bit << i for i, bit in enumerate(read[1:9]))
-            end = start + LINE.character_ps
-            found.append(Block(start, end, f"{value:02X}", data=bytes([value])))
-            free = end - BIT / 2
-        return found
-
-    @staticmethod
-    def _level(edges: Edges, when: float) -> int:
-        return next((level for at, level in reversed(edges) if at <= when), 1)
+        """Characters on a pin."""
+        heard = Trace(LINE, self.edges[pin]).characters
+        return [Block(c.start_ps, c.end_ps, f"{c.byte:02X}", data=bytes([c.byte])) for c in heard]
 
     def frames(self, pin: str, fill: str) -> list[Block]:
         """Characters without t1.5 of silence between them."""

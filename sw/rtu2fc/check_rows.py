@@ -97,6 +97,15 @@ def words(reply: bytes) -> list[int]:
     return [int.from_bytes(reply[i : i + 2], "big") for i in range(2, len(reply), 2)]
 
 
+def by_05(on: bool) -> bytes:
+    return write_coil(EEPROM, on)
+
+
+def sets_and_clears(write: Callable[[bool], bytes], **how: bool) -> tuple[Ask, ...]:
+    """Coil 65, by a write that is carried out."""
+    return tuple(ask for on in (True, False) for ask in (done(write(on), **how), coil_65(on)))
+
+
 # ---------------------------------------------------------------- checks
 
 
@@ -239,21 +248,8 @@ def all_coils_rows() -> tuple[Row, ...]:
 ROWS: tuple[Row, ...] = (
     *all_coils_rows(),
     # Functions, on what the card itself holds: no telegram goes to the drive.
-    Row(
-        "MAP-2",
-        "05 sets and clears coil 65",
-        (done(write_coil(EEPROM, True)), coil_65(True), done(write_coil(EEPROM, False)), coil_65(False)),
-    ),
-    Row(
-        "MAP-2",
-        "0F sets and clears coil 65",
-        (
-            done(write_coils(EEPROM, [True])),
-            coil_65(True),
-            done(write_coils(EEPROM, [False])),
-            coil_65(False),
-        ),
-    ),
+    Row("MAP-2", "05 sets and clears coil 65", sets_and_clears(by_05)),
+    Row("MAP-2", "0F sets and clears coil 65", sets_and_clears(lambda on: write_coils(EEPROM, [on]))),
     Row(
         "MAP-5",
         "06 writes 40002, 03 reads it",
@@ -297,16 +293,7 @@ ROWS: tuple[Row, ...] = (
         "a write with a wrong CRC: silence, and nothing is written",
         (Ask(write_coil(EEPROM, True), None, wrong_crc=True), coil_65(False)),
     ),
-    Row(
-        "MAP-9",
-        "a write to all: silence, and it is carried out",
-        (
-            done(write_coil(EEPROM, True), to_all=True),
-            coil_65(True),
-            done(write_coil(EEPROM, False), to_all=True),
-            coil_65(False),
-        ),
-    ),
+    Row("MAP-9", "a write to all: silence, and it is carried out", sets_and_clears(by_05, to_all=True)),
     Row("MAP-9", "a reading from all: silence", (Ask(read_coils(0, 8), None, to_all=True),)),
     Row(
         "FRAME-5",
