@@ -35,6 +35,7 @@ from tb.lib.bench import Bench
 from tb.lib.card import MS, baud_switches, switch_word
 from tb.lib.config import boot_clocks
 from tb.lib.line_tap import RecordedLine
+from tb.lib.rows import each_row
 from tb.lib.runner import ROOT, WAIVERS, run
 from tb.model.fc_telegram import build_process
 from tb.model.vlt_drive import VltDrive
@@ -312,7 +313,7 @@ def test_ports_are_on_the_documented_connector_pins(name):
 
 
 @pytest.mark.rule("LED-2")
-@pytest.mark.parametrize("name", BOARDS)
+@each_row("name", BOARDS)
 def test_leds_are_lit_by_the_documented_level(name):
     """What ends in _n is lit by a low pin: test_pins_and_polarities."""
     leds = {port for port in ports(BOARDS[name].wrapper) if port.startswith("led_")}

@@ -30,6 +30,7 @@ from campaigns.bench.wave import BAUDS, Line, characters, edges_of, faults
 from campaigns.bench.work import KINDS_OF_WORK, Piece, fast, whole
 from sw.tools import stack
 from tb.agents import rtu
+from tb.lib.rows import each_row
 
 SEED = int(os.environ.get("COCOTB_RANDOM_SEED", "1"))
 PIECES = list(fast(SEED))
@@ -289,7 +290,7 @@ def test_correct_card_passes(started) -> None:
     assert verdict_on(started, lambda edges: None) == ""
 
 
-@pytest.mark.parametrize("broken", BROKEN)
+@each_row("broken", BROKEN)
 def test_judge_detects(started, broken: str) -> None:
     change, expected = BROKEN[broken]
     assert re.search(expected, verdict_on(started, change))

@@ -13,6 +13,7 @@ from sw.rtu2fc.cases import BYTES, CASES, Heard, Profile, Send
 from sw.rtu2fc.engine import FAIL, HIDDEN, NONE, OWN_CODE, PASS, grade
 from tb.agents.crc16 import with_crc
 from tb.agents.uart import Format
+from tb.lib.rows import each_row
 
 LINES = [replace(PLAIN, fmt=Format.named(*line)) for line in ((9600, "8E1"), (19200, "8N2"), (115200, "8O1"))]
 
@@ -49,7 +50,7 @@ def test_a_slave_with_less_has_nothing_to_try_some_tests_on():
     assert texts["SL-26"] == "no function 1" and texts["AP-33"] == "no function 2 or 4"
 
 
-@pytest.mark.parametrize("fault", FAULTS)
+@each_row("fault", FAULTS)
 def test_every_fault_is_found_by_its_own_test(fault):
     own = [case for case in CASES if case.number == FAULTS[fault]]
     found = grade(ModelLine(PLAIN, fault), PLAIN, own)
@@ -72,10 +73,9 @@ class Says:
         return Heard(self.data)
 
 
-@pytest.mark.parametrize(
+@each_row(
     "data",
     [b"\x55", b"\0" * 5, with_crc(b"\x11\x83"), with_crc(b"\x11\x03"), with_crc(b"\x11\x90\3\0"), bytes(300)],
-    ids=lambda data: data[:6].hex(),
 )
 def test_a_malformed_reply_passes_no_test(data):
     assert {verdict.outcome for verdict in grade(Says(data), PLAIN)} == {FAIL, HIDDEN}

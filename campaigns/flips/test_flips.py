@@ -41,6 +41,7 @@ from sim.harness.pins import SIGNALS
 from tb.agents import rtu
 from tb.agents.crc16 import with_crc
 from tb.lib.bound import at_most, words
+from tb.lib.rows import each_row
 from tb.model.fc_telegram import ADR_BROADCAST, build_process
 from tb.model.whole_card import NEVER, Verdict
 from tb.model.wire import Burst, CardCharacter, FarCharacter, LineFormat, drive_line
@@ -404,7 +405,7 @@ def verdict_of(
     return telegrams(Flip(int(60 * ms), "somewhere", 0, 0, "card"), played, LINE, reset_ms * ms)[0]
 
 
-@pytest.mark.parametrize(
+@each_row(
     ("asked", "sent", "replies", "expected"),
     [
         (COMMAND, [(TELEGRAM, 50)], [(CONFIRMED, 75)], ""),
@@ -452,7 +453,7 @@ def test_verdict_on_telegrams(asked, sent, replies, expected):
 
 
 @pytest.mark.rule("FRAME-7")
-@pytest.mark.parametrize(("confirmed", "expected"), [(False, ""), (True, FORBIDDEN[1])])
+@each_row(("confirmed", "expected"), [(False, ""), (True, FORBIDDEN[1])])
 def test_an_image_that_stands_for_two_writes_may_go_to_the_drive_alone(confirmed, expected):
     """The write to the card alone may wait when one to all commits."""
     to_all = heard(rtu.build(0, bytes.fromhex("0f 0010 0010 02 2222")), 90 * LINE.clk_hz / 1000)
@@ -471,8 +472,8 @@ def test_reply_made_by_a_flip_confirms_nothing():
 
 
 @pytest.mark.rule("SAFE-4", "WDG-1")
-@pytest.mark.parametrize("confirmed", [True, False])
-@pytest.mark.parametrize("reset_ms", [NEVER, 80.0])
+@each_row("confirmed", [True, False])
+@each_row("reset_ms", [NEVER, 80.0])
 def test_only_a_restart_forgets_a_confirmed_command(confirmed, reset_ms):
     """Later the reference alone is written: the telegram has the command again."""
     newer = heard(rtu.build(1, bytes.fromhex("0f 0010 0010 02 2222")), 90 * LINE.clk_hz / 1000)
@@ -487,7 +488,7 @@ def test_only_a_restart_forgets_a_confirmed_command(confirmed, reset_ms):
     assert verdict(0x043C) == FORBIDDEN[1]
 
 
-@pytest.mark.parametrize("when", [0.0, 0.5, 0.97, 1.0])
+@each_row("when", [0.0, 0.5, 0.97, 1.0])
 def test_revoked_command_requests_nothing(when):
     end = heard(COMMAND, 40 * LINE.clk_hz / 1000)[-1].end
     revoking = heard(b"\x55", end + too_early(LINE, when) * LINE.bit)
@@ -506,7 +507,7 @@ def test_broadcast_and_request_before_another_telegram_have_no_repeat():
 
 
 @pytest.mark.rule("FRAME-7")
-@pytest.mark.parametrize("pdu", [rtu.read_coils(0, 8), b"\x2b\x0e", bytes.fromhex("0f 0000 0010 03 7c0400")])
+@each_row("pdu", [rtu.read_coils(0, 8), b"\x2b\x0e", bytes.fromhex("0f 0000 0010 03 7c0400")])
 def test_waiting_write_has_its_telegram_and_one_repeat_after_a_newer_request(pdu):
     """Also after a newer request that the card refuses: an unknown function, a wrong byte count."""
     newer = heard(rtu.build(1, pdu), 70 * LINE.clk_hz / 1000)
@@ -517,7 +518,7 @@ def test_waiting_write_has_its_telegram_and_one_repeat_after_a_newer_request(pdu
 
 
 @pytest.mark.rule("FRAME-7")
-@pytest.mark.parametrize(("later_ms", "expected"), [(1.0, ""), (5.0, FORBIDDEN[1])])
+@each_row(("later_ms", "expected"), [(1.0, ""), (5.0, FORBIDDEN[1])])
 def test_a_waiting_write_keeps_its_turn_until_its_telegram_starts(later_ms, expected):
     """The newer write of its kind commits in the pause before the telegram, or before the turn."""
     ms = LINE.clk_hz / 1000
@@ -528,7 +529,7 @@ def test_a_waiting_write_keeps_its_turn_until_its_telegram_starts(later_ms, expe
 
 
 @pytest.mark.rule("FC-9", "FRAME-6")
-@pytest.mark.parametrize(("t35", "expected"), [(0.95, "telegram again or late"), (1.2, FORBIDDEN[1])])
+@each_row(("t35", "expected"), [(0.95, "telegram again or late"), (1.2, FORBIDDEN[1])])
 def test_a_repeat_may_leave_until_the_newer_request_is_committed(t35, expected):
     ms = LINE.clk_hz / 1000
     newer = heard(rtu.build(1, rtu.read_registers(5139, 2)), 70 * ms)
@@ -537,7 +538,7 @@ def test_a_repeat_may_leave_until_the_newer_request_is_committed(t35, expected):
 
 
 @pytest.mark.rule("SAFE-2")
-@pytest.mark.parametrize(("data", "expected"), [(TELEGRAM, "driver stuck"), (ALTERED, FORBIDDEN[1])])
+@each_row(("data", "expected"), [(TELEGRAM, "driver stuck"), (ALTERED, FORBIDDEN[1])])
 def test_driver_that_stays_on_is_reported_with_its_telegram(data, expected):
     ms = LINE.clk_hz / 1000
     on = burst(drive_line(LINE.clk_hz), data, 50 * ms)
@@ -552,7 +553,7 @@ def class_of(played: Played) -> str:
 
 
 @pytest.mark.rule("SAFE-2")
-@pytest.mark.parametrize(("characters", "expected"), [(69, "no effect"), (71, "driver stuck")])
+@each_row(("characters", "expected"), [(69, "no effect"), (71, "driver stuck")])
 def test_driver_of_the_network_line_that_stays_on_is_reported(characters, expected):
     """It may send two of the longest frames, one after the other."""
     ms = LINE.clk_hz / 1000
@@ -618,7 +619,7 @@ def test_each_bit_of_the_memory_is_there_once_and_every_part_can_be_chosen(place
         assert abs(found[part] / 1000 - weight / sum(PARTS.values())) < 0.05, part
 
 
-@pytest.mark.parametrize(("seen", "tries", "bound"), [(0, 46_049, 1.0e-4), (1, 100, 0.0645), (5, 5, 1.0)])
+@each_row(("seen", "tries", "bound"), [(0, 46_049, 1.0e-4), (1, 100, 0.0645), (5, 5, 1.0)])
 def test_bound_of_what_was_seen_so_often(seen, tries, bound):
     assert at_most(seen, tries) == pytest.approx(bound, rel=5e-3)
     assert at_most(seen, tries) <= float(words(seen, tries)) <= 1.01 * at_most(seen, tries)

@@ -32,6 +32,7 @@ from sim.harness.library import Target
 from tb.agents import rtu
 from tb.agents.crc16 import crc_good, with_crc
 from tb.lib.recorded_buses import BUSES
+from tb.lib.rows import each_row
 from tb.lib.seeds import seeded
 from tb.model.card import DRIVE_TIMEOUT, CardModel, word
 from tb.model.fc_telegram import ADR_BROADCAST, build_parameter, build_process
@@ -388,7 +389,7 @@ def test_judge_accepts_a_correct_exchange():
     assert not verdict.differences and verdict.counts["function 01 answered"] == 1
 
 
-@pytest.mark.parametrize(
+@each_row(
     ("late_bits", "answer", "complaint"),
     [
         (0.0, ANSWER[:-1] + b"\x00", "expected"),
@@ -446,7 +447,7 @@ def with_a_gap(whole: Burst, late: float) -> Burst:
     return sent_so(whole, characters=characters, fall=late)
 
 
-@pytest.mark.parametrize(
+@each_row(
     ("whose", "change", "complaint"),
     [
         ("reply", lambda b, line: sent_so(b, characters=damaged(b)), "a damaged character"),

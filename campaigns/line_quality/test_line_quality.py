@@ -17,6 +17,7 @@ from campaigns.line_quality.limits import ALL_FORMS, QUANTITIES
 from campaigns.line_quality.measure import Limit, Prober, holds
 from campaigns.line_quality.waveform import Badness, edges
 from campaigns.line_quality.work import FAST, FORM, Piece, whole
+from tb.lib.rows import each_row
 from tb.model.wire import LineFormat
 
 SEED = int(os.environ.get("COCOTB_RANDOM_SEED", "1"))
@@ -57,7 +58,7 @@ def made_up(found: float, quantity: str = "glitch", form: str = FORM) -> Limit:
     return Limit(quantity, "network", 115200, form, clk_hz(115200), found, 100, 1000)
 
 
-@pytest.mark.parametrize("quantity", QUANTITIES)
+@each_row("quantity", QUANTITIES)
 def test_limit_away_from_theory_is_a_fault(quantity: str):
     first, last = QUANTITIES[quantity].theory(FORM)
     assert not made_up(first, quantity).faults and not made_up(last, quantity).faults

@@ -18,11 +18,12 @@ from campaigns.masters.cases import CUT, LONGER, PROFILES, SILENCE, Case, cases,
 from campaigns.masters.masters import BY_ID, MASTERS, Master
 from sim.card.example_run import Port
 from tb.agents.crc16 import with_crc
+from tb.lib.rows import each_row
 from tb.model import fc_telegram as fc
 from tb.model.card import DIALECTS, CardModel
 from tb.model.vlt_drive import VltDrive
 
-EVERY = [pytest.param(d, c, id=f"{d}-{c.id}") for d in DIALECTS for c in cases(d)]
+EVERY = [(dialect, case) for dialect in DIALECTS for case in cases(dialect)]
 
 
 class Models:
@@ -75,7 +76,7 @@ def records_of(dialect: str) -> dict[str, dict]:
     return {case.id: right(case) for case in cases(dialect)}
 
 
-@pytest.mark.parametrize(("dialect", "case"), EVERY)
+@each_row(("dialect", "case"), EVERY)
 def test_a_wrong_answer_of_any_case_is_found(dialect, case):
     """Another value, another text, another code; a value in the place of an error; other bytes; no record."""
     assert not list(judge.faults(case, right(case)))

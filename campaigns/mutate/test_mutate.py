@@ -13,6 +13,7 @@ from campaigns.mutate import run as mutate
 from campaigns.mutate import same
 from rtl import report_page
 from rtl.sources import ROOT, rtl_files
+from tb.lib.rows import each_row
 
 
 def test_changes_affect_only_code():
@@ -39,7 +40,7 @@ endmodule
     }
 
 
-@pytest.mark.parametrize(
+@each_row(
     ("before", "after"),
     [
         *[("x == y", "x != y"), ("x != y", "x == y"), ("x && y", "x || y"), ("x || y", "x && y")],

@@ -3,15 +3,14 @@
 
 from __future__ import annotations
 
-import pytest
-
 from campaigns.mutate.planted import planted
 from rtl.sources import ROOT
+from tb.lib.rows import each_row
 
 PLANTS = planted()
 
 
-@pytest.mark.parametrize("plant", PLANTS, ids=lambda plant: plant.name)
+@each_row("plant", PLANTS)
 def test_every_plant_applies(plant):
     text = (ROOT / plant.file).read_text()
     plant.place(text)

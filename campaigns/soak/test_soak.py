@@ -17,6 +17,7 @@ from campaigns.soak.run import BLOCK, SoakJudge, Transaction, blocks, soak
 from regs.dialects import DEFAULT, DIALECTS
 from sim.card.run_card import CardError, Frame
 from tb.agents.crc16 import with_crc
+from tb.lib.rows import each_row
 from tb.lib.seeds import seeded
 from tb.model import fc_telegram as fc
 from tb.model.card import CardModel
@@ -80,8 +81,8 @@ def test_judge_accepts_a_correct_exchange():
     assert mismatches_of(exchange_of_104(), REPLY_104) == []
 
 
-@pytest.mark.parametrize("where", list(exchange_of_104()), ids="-".join)
-@pytest.mark.parametrize("how", ["changed", "missing", "twice"])
+@each_row("where", list(exchange_of_104()))
+@each_row("how", ["changed", "missing", "twice"])
 def test_judge_finds_a_wrong_frame(where, how):
     seen = exchange_of_104()
     if how == "twice":

@@ -35,6 +35,7 @@ from tb.firmware.test_firmware_translate import (
     sent_for,
     status,
 )
+from tb.lib.rows import each_row
 from tb.lib.seeds import seeded
 from tb.model.card import DIALECTS as MODEL_DIALECTS
 from tb.model.card import OBJECTS, VERSION
@@ -65,9 +66,7 @@ in_standard = spoken_in(STANDARD)
 
 @pytest.fixture
 def card(request: pytest.FixtureRequest) -> Translator:
-    card = Translator(dialect=request.param)
-    card.dialect = request.param
-    return card
+    return Translator(dialect=request.param)
 
 
 def tried_as_text(card: Translator, pdu: str, number: str) -> Transaction:
@@ -128,7 +127,7 @@ def test_s3_forces_coil_65(card: Translator):
 
 
 @in_later
-@pytest.mark.parametrize("registers", range(1, 11))
+@each_row("registers", range(1, 11))
 def test_s3_reads_1_to_10_registers(card: Translator, registers: int):
     """Texts of 2 to 20 characters; numbers have 1 or 2 registers."""
     pdu, text = f"03 1841 {registers:04x}", "VLT HVAC Basic Drive"[: 2 * registers].encode()
@@ -150,7 +149,7 @@ def test_s3_reads_1_to_10_registers(card: Translator, registers: int):
 
 
 @in_all
-@pytest.mark.parametrize(
+@each_row(
     ("pdu", "codes", "what"),
     [
         ("07 0000 0001", (67, 67, 1), "an unknown function"),
@@ -187,8 +186,8 @@ def test_an_invalid_request_gets_the_code_of_the_dialect(
 
 
 @in_all
-@pytest.mark.parametrize("fault", [0, 1, 2, 3, 4, 6, 7, 11, 17, 18, 130, 131, 254, 255])
-@pytest.mark.parametrize("pdu", ["03 1413 0001", "06 1413 0001", "10 1413 0002 04 0000 0001"])
+@each_row("fault", [0, 1, 2, 3, 4, 6, 7, 11, 17, 18, 130, 131, 254, 255])
+@each_row("pdu", ["03 1413 0001", "06 1413 0001", "10 1413 0002 04 0000 0001"])
 def test_a_drive_fault_is_reported_unchanged_or_as_4(card: Translator, fault: int, pdu: str):
     code = 4 if card.dialect == STANDARD else fault
     assert answered(card, pdu, f"7202 0000 0000 00{fault:02x} {RUNNING}") == refused(code, H(pdu)[0])
@@ -202,7 +201,7 @@ def test_a_double_word_that_does_not_fit_is_a_fault_of_type(card: Translator):
 
 
 @in_all
-@pytest.mark.parametrize("pdu", ["03 1413 0002", "06 1413 0001", "05 0000 FF00", "0F 0000 0001 01 01"])
+@each_row("pdu", ["03 1413 0002", "06 1413 0001", "05 0000 FF00", "0F 0000 0001 01 01"])
 def test_a_silent_drive_gets_255_or_silence(card: Translator, pdu: str):
     txn = card.do(H(pdu))
     reply = txn.drive_silent()
@@ -228,7 +227,7 @@ def test_the_index_is_in_register_9_and_the_time_outs_keep_their_registers(card:
 
 
 @in_later
-@pytest.mark.parametrize(
+@each_row(
     "pdu",
     [
         "03 0000 0001",
@@ -253,7 +252,7 @@ def test_no_other_register_below_10_exists(card: Translator, pdu: str):
 
 
 @in_later
-@pytest.mark.parametrize("value", ["0003", "0103", "0403", "0503"])
+@each_row("value", ["0003", "0103", "0403", "0503"])
 def test_only_the_index_of_register_9_is_sent(card: Translator, value: str):
     reply_to(card, f"06 0008 {value}")
     assert same(sent_for(card, "03 17C9 0002"), "81 1261 0003 0000 0000 0000 0000")
@@ -272,7 +271,7 @@ def test_a_broadcast_sets_the_index_without_a_reply(card: Translator):
 
 
 @in_later
-@pytest.mark.parametrize("registers", range(3, 11))
+@each_row("registers", range(3, 11))
 def test_a_write_of_3_to_10_registers_is_text(card: Translator, registers: int):
     text = "1234567890abcdefghij"[: 2 * registers].encode().hex()
     pdu = f"10 14D1 {registers:04x} {2 * registers:02x} {text}"
@@ -281,7 +280,7 @@ def test_a_write_of_3_to_10_registers_is_text(card: Translator, registers: int):
 
 
 @in_later
-@pytest.mark.parametrize(
+@each_row(
     ("stored", "registers", "data"),
     [
         ("", 3, "20" * 6),
@@ -296,7 +295,7 @@ def test_text_is_filled_with_spaces_or_cut(card: Translator, stored: str, regist
 
 
 @in_later
-@pytest.mark.parametrize(
+@each_row(
     ("pdu", "number", "text", "reply"),
     [
         ("03 14D1 0001", "1215 0003 0000 0000", "F215 0403 0000 0000", "03 02 5859"),
@@ -305,7 +304,7 @@ def test_text_is_filled_with_spaces_or_cut(card: Translator, stored: str, regist
         ("10 14D1 0002 04 41424344", "3215 0003 4142 4344", "F215 0503 41424344", "10 14D1 0002"),
     ],
 )
-@pytest.mark.parametrize("stored", [False, True], ids=["RAM", "EEPROM"])
+@each_row("stored", [False, True])
 def test_1_or_2_registers_that_the_drive_refuses_with_5_are_tried_as_text(
     card: Translator, pdu: str, number: str, text: str, reply: str, stored: bool
 ):
@@ -323,7 +322,7 @@ def test_1_or_2_registers_that_the_drive_refuses_with_5_are_tried_as_text(
 
 
 @in_later
-@pytest.mark.parametrize("registers", range(3, 11))
+@each_row("registers", range(3, 11))
 def test_a_text_that_the_drive_refuses_by_type_is_read_as_the_number_and_filled_with_zeros(
     card: Translator, registers: int
 ):
@@ -337,7 +336,7 @@ def test_a_text_that_the_drive_refuses_by_type_is_read_as_the_number_and_filled_
 
 
 @in_later
-@pytest.mark.parametrize("fault", [0, 5, 130])
+@each_row("fault", [0, 5, 130])
 def test_a_number_that_is_refused_after_the_text_is_not_tried_again(card: Translator, fault: int):
     txn = card.do(H("03 14D1 0003"))
     assert txn.drive_reply(H(f"7215 0400 0000 0005 {RUNNING}")) == EXCHANGE
@@ -347,8 +346,8 @@ def test_a_number_that_is_refused_after_the_text_is_not_tried_again(card: Transl
 
 
 @in_later
-@pytest.mark.parametrize("fault", [0, 1, 3, 5, 130])
-@pytest.mark.parametrize("pdu", ["03 14D1 0001", "10 14D1 0002 04 41424344"])
+@each_row("fault", [0, 1, 3, 5, 130])
+@each_row("pdu", ["03 14D1 0001", "10 14D1 0002 04 41424344"])
 def test_a_fault_on_the_text_is_reported_without_another_try(card: Translator, fault: int, pdu: str):
     number = {"03": "1215 0000 0000 0000", "10": "3215 0000 4142 4344"}[pdu[:2]]
     txn = tried_as_text(card, pdu, f"81 {number} 0000 0000")
@@ -357,7 +356,7 @@ def test_a_fault_on_the_text_is_reported_without_another_try(card: Translator, f
 
 
 @in_later
-@pytest.mark.parametrize(
+@each_row(
     ("pdu", "why"),
     [
         ("06 14D1 4142", "06 writes numbers only"),
@@ -370,7 +369,7 @@ def test_fault_5_is_reported_when_no_text_can_be_tried(card: Translator, pdu: st
 
 
 @spoken_in("card")
-@pytest.mark.parametrize("pdu", ["03 14D1 0001", "10 14D1 0002 04 41424344"])
+@each_row("pdu", ["03 14D1 0001", "10 14D1 0002 04 41424344"])
 def test_the_card_dialect_never_tries_a_text(card: Translator, pdu: str):
     assert answered(card, pdu, f"7215 0000 0000 0005 {RUNNING}") == refused(5, H(pdu)[0])
 
@@ -419,7 +418,7 @@ def test_parameters_end_with_the_bits_of_pnu(card: Translator):
 
 
 @in_standard
-@pytest.mark.parametrize("pnu", [2047, 2048, 2049, 3039, 4094, 4095])
+@each_row("pnu", [2047, 2048, 2049, 3039, 4094, 4095])
 def test_bit_11_belongs_to_pnu(card: Translator, pnu: int):
     address = f"{10 * pnu - 1:04x}"
     assert same(sent_for(card, f"03 {address} 0001"), f"81 {0x1000 | pnu:04x} 0000 0000 0000 0000 0000")
@@ -577,7 +576,7 @@ DIAGNOSTIC_REQUESTS = ("08 0000 1234", "08 0002 0000", "08 000B 0000", "0B", "11
 
 
 @pytest.mark.rule("MAP-10", "EXC")
-@pytest.mark.parametrize("pdu", DIAGNOSTIC_REQUESTS)
+@each_row("pdu", DIAGNOSTIC_REQUESTS)
 @pytest.mark.parametrize("dialect", [name for name in DIALECTS if name != STANDARD])
 def test_without_the_option_diagnostics_are_unknown_functions(dialect: str, pdu: str):
     txn = Translator(dialect=dialect).do(H(pdu))
@@ -607,7 +606,7 @@ def test_the_version_is_that_of_the_release(option: str):
 
 
 @pytest.mark.rule("MAP-10", "EXC")
-@pytest.mark.parametrize(
+@each_row(
     ("pdu", "kind", "what"),
     [
         ("08 0003 0000", "function", "a sub-function between"),
@@ -645,7 +644,7 @@ def test_an_echo_returns_up_to_27_bytes():
 
 
 @pytest.mark.rule("MAP-10", "MAP-9")
-@pytest.mark.parametrize("pdu", [*DIAGNOSTIC_REQUESTS, "08 0001 0000", "08 000A 0000"])
+@each_row("pdu", [*DIAGNOSTIC_REQUESTS, "08 0001 0000", "08 000A 0000"])
 def test_diagnostics_to_all_are_ignored(pdu: str):
     assert diagnosing(STANDARD).do(H(pdu), broadcast=True).outcome == SILENT
 
@@ -692,7 +691,7 @@ def test_an_answer_for_a_silent_drive_is_counted_as_an_exception(diagnosed_card:
 
 
 @pytest.mark.rule("MAP-10", "FRAME-7")
-@pytest.mark.parametrize("end", ["silence", "a value", "a refusal"])
+@each_row("end", ["silence", "a value", "a refusal"])
 def test_a_request_that_was_overtaken_counts_as_no_reply(diagnosed_card: DiagnosedBench, end: str):
     bench = diagnosed_card
     bench.ask_drive(H("03 1413 0002"))
@@ -769,7 +768,7 @@ def test_the_counters_say_what_was_on_the_line(diagnosed: DiagnosedBench):
 
 
 @pytest.mark.rule("MAP-10")
-@pytest.mark.parametrize("clear", ["08 000A 0000", "08 0001 0000", "08 0001 FF00"])
+@each_row("clear", ["08 000A 0000", "08 0001 0000", "08 0001 FF00"])
 def test_a_restart_or_a_clear_changes_nothing_but_counters(diagnosed: DiagnosedBench, clear: str):
     bench = diagnosed
     bench.asks("06 0008 0003")

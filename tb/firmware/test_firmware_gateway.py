@@ -12,6 +12,7 @@ from regs.dialects import OPTIONS
 from regs.generated.mailbox import REGISTERS
 from sw.tools.stack import reserved
 from tb.agents import rtu
+from tb.lib.rows import each_row
 from tb.model.firmware import Build
 from tb.model.whole_card import OVERTAKEN_MS
 
@@ -34,6 +35,9 @@ class Bench:
         self.build = build
         self.mailbox = build.mailbox(address)
         self.gateway = build.start(self.mailbox)
+
+    def fresh(self) -> Bench:
+        return type(self)(self.build)
 
     def restart(self) -> None:
         self.mailbox.restart()
@@ -442,7 +446,7 @@ COMMAND = H("0F 0000 0020 04 7C04 9919")
 
 
 @pytest.mark.rule("FRAME-6", "SAFE-1")
-@pytest.mark.parametrize("reads", [1, 2, 3])
+@each_row("reads", [1, 2, 3])
 def test_a_newer_candidate_is_not_committed_with_the_older_request(bench: Bench, reads: int):
     """It comes while the firmware prepares the older, committed request, and is revoked."""
     mailbox = bench.mailbox
@@ -477,7 +481,7 @@ def test_the_loopback_test_is_closed_at_every_normal_start(bench: Bench):
 
 
 @pytest.mark.rule("FRAME-3", "FRAME-6")
-@pytest.mark.parametrize("pdu", [H("06 0002 0063"), H("05 0040 FF00"), H("0F 0000 0020 04 7C 04 00 20")])
+@each_row("pdu", [H("06 0002 0063"), H("05 0040 FF00"), H("0F 0000 0020 04 7C 04 00 20")])
 def test_a_revoked_request_whose_ticket_returns_changes_nothing(bench: Bench, pdu: bytes):
     """15 candidates come and go between two rounds of the poll loop; the 16th has the ticket of the first."""
     images = [H("03 0001 0002"), H("01 0000 0020"), H("01 0040 0001")]
@@ -538,7 +542,7 @@ def test_a_request_replaced_while_it_is_decoded_is_not_answered(bench: Bench):
 
 
 @pytest.mark.rule("LINE-7")
-@pytest.mark.parametrize("address", [1, 85, 247])
+@each_row("address", [1, 85, 247])
 def test_replies_carry_the_address_of_the_switches(bench: Bench, address: int):
     bench.mailbox.address = address
     bench.local(READ_IND)
@@ -546,7 +550,7 @@ def test_replies_carry_the_address_of_the_switches(bench: Bench, address: int):
 
 
 @pytest.mark.rule("FRAME-5", "EXC")
-@pytest.mark.parametrize(("size", "code"), [(9, 0x41), (32, 0x41), (33, 0x41), (256, 0x41)])
+@each_row(("size", "code"), [(9, 0x41), (32, 0x41), (33, 0x41), (256, 0x41)])
 def test_an_over_long_request_gets_its_exception(bench: Bench, size: int, code: int):
     bench.request(READ_514.ljust(size - 3, b"\0"))
     assert bench.replies == [bytes([1, 0x83, code])]
@@ -638,9 +642,7 @@ def test_without_a_telegram_nothing_is_prepared_from_the_last_one(bench: Bench):
 
 
 @pytest.mark.rule("FC-8")
-@pytest.mark.parametrize(
-    "misfit", ["0F03 2000", f"1203 0000 0000 0001 {STATUS}", f"0202 0000 0000 0001 {STATUS}"]
-)
+@each_row("misfit", ["0F03 2000", f"1203 0000 0000 0001 {STATUS}", f"0202 0000 0000 0001 {STATUS}"])
 def test_a_good_telegram_that_does_not_fit_is_ignored(bench: Bench, misfit: str):
     bench.ask_drive(READ_514)
     for _ in range(3):
@@ -673,7 +675,7 @@ def test_the_wait_is_never_too_short(bench: Bench):
 
 
 @pytest.mark.rule("FC-9", "MAP-5")
-@pytest.mark.parametrize("tens", [1, 2, 50, 5462])
+@each_row("tens", [1, 2, 50, 5462])
 def test_the_wait_is_register_40003(bench: Bench, tens: int):
     bench.local(bytes([6, 0, 2]) + tens.to_bytes(2, "big"))
     bench.ask_drive(READ_514)
@@ -697,7 +699,7 @@ def test_a_drive_whose_repeat_is_refused_has_not_replied(bench: Bench):
 
 
 @pytest.mark.rule("FC-6", "MAP-1", "FC-9")
-@pytest.mark.parametrize("pdu", [READ_514, H("05 0006 FF00"), H("06 040F 003C")], ids=bytes.hex)
+@each_row("pdu", [READ_514, H("05 0006 FF00"), H("06 040F 003C")])
 def test_the_status_image_outlives_the_drive(bench: Bench, pdu: bytes):
     """A good reply updates it, and nothing else changes it."""
     bench.exchange(READ_514, H("1202 0000 0000 012C 8421 C0DE"))
@@ -726,8 +728,8 @@ def to(unit: str, data: bytes) -> bytes:
 
 
 @pytest.mark.rule("FRAME-7", "MAP-9")
-@pytest.mark.parametrize("unit", ["all", "us"])
-@pytest.mark.parametrize("newer", ["local", "reading", "revoked", "invalid"])
+@each_row("unit", ["all", "us"])
+@each_row("newer", ["local", "reading", "revoked", "invalid"])
 def test_a_committed_write_waits_whatever_comes_after_it(bench: Bench, unit: str, newer: str):
     bench.ask_drive(READ_514)
     bench.request(START, broadcast=unit == "all")
@@ -742,7 +744,7 @@ def test_a_committed_write_waits_whatever_comes_after_it(bench: Bench, unit: str
 
 
 @pytest.mark.rule("FRAME-7", "MAP-9")
-@pytest.mark.parametrize("unit", ["all", "us"])
+@each_row("unit", ["all", "us"])
 def test_a_write_of_a_parameter_waits_like_one_of_coils(bench: Bench, unit: str):
     bench.ask_drive(READ_514)
     bench.request(SET_207, broadcast=unit == "all")
@@ -770,7 +772,7 @@ def test_a_revoked_write_does_not_shorten_the_wait_for_the_drive(bench: Bench):
 
 
 @pytest.mark.rule("FRAME-7", "MAP-9")
-@pytest.mark.parametrize("first", ["all", "us"])
+@each_row("first", ["all", "us"])
 def test_a_parameter_write_that_replaces_another_is_the_last_to_leave(bench: Bench, first: str):
     """The place is the older one's, its turn is not: writes leave in the order of their commits."""
     second = "us" if first == "all" else "all"
@@ -784,7 +786,7 @@ def test_a_parameter_write_that_replaces_another_is_the_last_to_leave(bench: Ben
 
 
 @pytest.mark.rule("FRAME-7", "MAP-9")
-@pytest.mark.parametrize("first", ["all", "us"])
+@each_row("first", ["all", "us"])
 def test_waiting_parameter_writes_leave_in_the_order_of_commit(bench: Bench, first: str):
     second = "us" if first == "all" else "all"
     bench.ask_drive(READ_514)
@@ -799,8 +801,8 @@ def test_waiting_parameter_writes_leave_in_the_order_of_commit(bench: Bench, fir
 
 
 @pytest.mark.rule("FRAME-7", "SAFE-8")
-@pytest.mark.parametrize("order", ["stop first", "parameter first"])
-@pytest.mark.parametrize("unit", ["all", "us"])
+@each_row("order", ["stop first", "parameter first"])
+@each_row("unit", ["all", "us"])
 def test_a_stop_waits_behind_a_reading_and_leaves_before_a_parameter_write(
     bench: Bench, order: str, unit: str
 ):
@@ -816,7 +818,7 @@ def test_a_stop_waits_behind_a_reading_and_leaves_before_a_parameter_write(
 
 
 @pytest.mark.rule("FRAME-7", "SAFE-8")
-@pytest.mark.parametrize("first", ["all", "us"])
+@each_row("first", ["all", "us"])
 def test_after_a_write_that_waits_one_to_the_other_unit_goes_to_the_own_drive(bench: Bench, first: str):
     """A telegram that stands for a write to this card alone is answered and repeated (FC-9)."""
     bench.ask_drive(READ_514)
@@ -831,7 +833,7 @@ def test_after_a_write_that_waits_one_to_the_other_unit_goes_to_the_own_drive(be
 
 
 @pytest.mark.rule("FRAME-7", "SAFE-8")
-@pytest.mark.parametrize("first", ["all", "us"])
+@each_row("first", ["all", "us"])
 def test_after_a_write_that_has_left_one_to_the_other_unit_goes_where_it_says(bench: Bench, first: str):
     second = "us" if first == "all" else "all"
     bench.request(START, broadcast=first == "all")
@@ -851,8 +853,8 @@ OTHERS = {
 
 
 @pytest.mark.rule("FRAME-7", "MAP-9")
-@pytest.mark.parametrize("what", OTHERS)
-@pytest.mark.parametrize("held_by", ["a reading", "a busy line"])
+@each_row("what", OTHERS)
+@each_row("held_by", ["a reading", "a busy line"])
 def test_a_parameter_write_that_waits_is_displaced_by_no_other_request(bench: Bench, what: str, held_by: str):
     pdu, broadcast, commits = OTHERS[what]
     bench.mailbox.quiet = held_by != "a busy line"
@@ -893,8 +895,8 @@ def test_a_write_that_waited_is_repeated_even_after_a_newer_request(bench: Bench
 
 
 @pytest.mark.rule("FC-9")
-@pytest.mark.parametrize("before", ["reading", "text", "write", "broadcast", "repeated"])
-@pytest.mark.parametrize("unit", ["all", "us"])
+@each_row("before", ["reading", "text", "write", "broadcast", "repeated"])
+@each_row("unit", ["all", "us"])
 def test_a_dead_drive_holds_up_a_stop_for_150_ms_at_most(bench: Bench, before: str, unit: str):
     bench.local(H("06 0002 03E8"))  # 10 s
     if before == "text":
@@ -918,7 +920,7 @@ def test_a_dead_drive_holds_up_a_stop_for_150_ms_at_most(bench: Bench, before: s
 
 
 @pytest.mark.rule("FC-9", "MAP-5")
-@pytest.mark.parametrize("unit", ["all", "us"])
+@each_row("unit", ["all", "us"])
 def test_a_write_that_waits_never_lengthens_the_wait(bench: Bench, unit: str):
     bench.local(H("06 0002 0005"))  # 50 ms
     bench.ask_drive(READ_514)
@@ -942,7 +944,7 @@ def test_a_telegram_queued_too_late_frees_the_drive_line(bench: Bench):
 
 
 @pytest.mark.rule("FRAME-3", "LED-4")
-@pytest.mark.parametrize("quiet", [True, False])
+@each_row("quiet", [True, False])
 def test_a_revoked_telegram_is_no_fault_of_the_drive(bench: Bench, quiet: bool):
     bench.wait(3000)
     bench.ask_drive(READ_514)
@@ -979,7 +981,7 @@ def shown(bench: Bench, ms: int) -> list[tuple[int, int]]:
 
 
 @pytest.mark.rule("LED-1", "LED-2", "LED-3", "LED-4")
-@pytest.mark.parametrize("start", [0, 30000, 65000])
+@each_row("start", [0, 30000, 65000])
 def test_power_up_shows_each_colour_of_each_led_then_both_flash_red(bench: Bench, start: int):
     bench.mailbox.time = start
     bench.restart()
@@ -1018,7 +1020,7 @@ FRAMES_FOR_US_OR_ALL = {
 
 
 @pytest.mark.rule("LED-3", "MAP-9")
-@pytest.mark.parametrize("what", FRAMES_FOR_US_OR_ALL)
+@each_row("what", FRAMES_FOR_US_OR_ALL)
 def test_every_good_frame_feeds_the_network_led(bench: Bench, what: str):
     """A good frame for this card or for all: it turns the LED green, and restarts the time-out."""
     colours = NETWORK_RED | NETWORK_GREEN
@@ -1035,7 +1037,7 @@ def test_every_good_frame_feeds_the_network_led(bench: Bench, what: str):
 
 
 @pytest.mark.rule("LED-3", "MAP-5")
-@pytest.mark.parametrize("tens", [5462, 6000, 0xFFFF])
+@each_row("tens", [5462, 6000, 0xFFFF])
 def test_long_network_time_outs_are_kept(bench: Bench, tens: int):
     """5462 x 10 ms are the first that do not fit 16 bits of ticks. The register TIME wraps after 213 ms."""
 
@@ -1087,7 +1089,7 @@ def test_a_reply_leaves_after_the_delay(delayed: Bench):
 
 
 @pytest.mark.rule("LINE-9", "FRAME-7")
-@pytest.mark.parametrize("unseen", [False, True])
+@each_row("unseen", [False, True])
 def test_a_character_during_the_delay_drops_the_reply(delayed: Bench, unseen: bool):
     delayed.request(READ_IND)
     delayed.wait(DELAY_MS - 5)
@@ -1112,7 +1114,7 @@ def test_a_newer_request_does_not_get_the_reply_that_is_held(delayed: Bench):
 
 
 @pytest.mark.rule("LINE-9")
-@pytest.mark.parametrize("drive_ms", [5, DELAY_MS + 10])
+@each_row("drive_ms", [5, DELAY_MS + 10])
 def test_the_reply_to_an_exchange_leaves_after_delay_and_bcc(delayed: Bench, drive_ms: int):
     delayed.request(READ_514)
     delayed.wait(drive_ms)
@@ -1175,7 +1177,7 @@ def instructions_until(bench: Bench, happened: str) -> int:
 
 
 @pytest.mark.rule("PERF-1", "PERF-2")
-@pytest.mark.parametrize("what", WORST_REQUESTS)
+@each_row("what", WORST_REQUESTS)
 def test_every_request_is_queued_in_time(what: str):
     """At the highest rates the candidate comes 1500 us before t3.5: 18000 clocks, 5 to 6 per instruction."""
     bench = Bench(CARD)
@@ -1238,7 +1240,7 @@ def test_a_start_on_a_busy_line_gives_way_to_a_stop_within_6_ms(bench: Bench):
 
 
 @pytest.mark.rule("FRAME-7", "SAFE-1")
-@pytest.mark.parametrize("newer", ["revoked", "local", "reading"])
+@each_row("newer", ["revoked", "local", "reading"])
 def test_an_unsent_write_keeps_its_place_against_other_requests(bench: Bench, newer: str):
     bench.mailbox.quiet = False
     bench.request(COMMAND)

@@ -14,6 +14,7 @@ import pytest
 
 from rtl.sources import ROOT
 from sw.tools.seal import SUMS, seal
+from tb.lib.rows import each_row
 from tb.lib.seeds import seeded
 from tb.model.firmware import Build, Hung, Machine, image, library
 
@@ -103,7 +104,7 @@ SEALED = struct.unpack("<9I", seal(struct.pack("<9I", *SUMMED, 0, 0)))
 
 
 @pytest.mark.rule("LED-5")
-@pytest.mark.parametrize("words", [1, 2, 3, 4, 7, 8, 0xFFFFFFFF])
+@each_row("words", [1, 2, 3, 4, 7, 8, 0xFFFFFFFF])
 def test_an_intact_image_passes_every_round_at_every_step_size(words: int):
     check = Check(SEALED)
     assert all(check.step(words) for _ in range(50))
@@ -217,7 +218,7 @@ def test_two_intact_transfers_are_orange_for_12_seconds_then_the_card_serves():
 
 @pytest.mark.rule("LOOP-1")
 @pytest.mark.usefixtures("both")
-@pytest.mark.parametrize("place", range(len(HEARD_BY_NETWORK)))
+@each_row("place", range(len(HEARD_BY_NETWORK)))
 def test_a_wrong_byte_at_the_network_port_is_red(place: int):
     wrong = bytearray(HEARD_BY_NETWORK)
     wrong[place] ^= 0x10
@@ -226,7 +227,7 @@ def test_a_wrong_byte_at_the_network_port_is_red(place: int):
 
 @pytest.mark.rule("LOOP-1")
 @pytest.mark.usefixtures("both")
-@pytest.mark.parametrize("place", range(len(HEARD_BY_DRIVE)))
+@each_row("place", range(len(HEARD_BY_DRIVE)))
 def test_a_wrong_byte_at_the_drive_port_is_red(place: int):
     wrong = bytearray(HEARD_BY_DRIVE)
     wrong[place] ^= 0x01
@@ -235,14 +236,14 @@ def test_a_wrong_byte_at_the_drive_port_is_red(place: int):
 
 @pytest.mark.rule("LOOP-1")
 @pytest.mark.usefixtures("both")
-@pytest.mark.parametrize("bank", [0, 1])
+@each_row("bank", [0, 1])
 def test_the_frame_may_arrive_in_either_bank(bank: int):
     assert shown(card_with(bank=bank)) == ORANGE
 
 
 @pytest.mark.rule("LOOP-1")
 @pytest.mark.usefixtures("both")
-@pytest.mark.parametrize("lge", [0x0D, 0x0F, 0x06])
+@each_row("lge", [0x0D, 0x0F, 0x06])
 def test_a_wrong_length_at_the_drive_port_is_red(lge: int):
     assert shown(card_with(lge=lge)) == RED
 
@@ -277,7 +278,7 @@ MOMENTS_MS = [500, LISTEN_MS + 35, 32, LISTEN_MS - 2, LISTEN_MS + 75, 1500, 9000
 
 @pytest.mark.rule("LOOP-1")
 @pytest.mark.usefixtures("both")
-@pytest.mark.parametrize("at_ms", MOMENTS_MS)
+@each_row("at_ms", MOMENTS_MS)
 def test_a_character_of_somebody_else_ends_the_test_at_any_time(at_ms: int):
     card = BootedFirmware(loopback=True)
     card.mailbox.bank = 1

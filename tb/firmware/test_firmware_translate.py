@@ -10,6 +10,7 @@ from collections.abc import Iterator
 import pytest
 
 from regs.dialects import DIALECTS, OPTIONS, STANDARD
+from tb.lib.rows import each_row
 from tb.lib.seeds import seeded
 from tb.model.card import CardModel, Step, without_counts
 from tb.model.examples import EXAMPLES
@@ -21,10 +22,7 @@ RUNNING = "0F03 2000"  # status word and output frequency of a healthy drive
 
 @pytest.fixture
 def card(request: pytest.FixtureRequest) -> Translator:
-    dialect = getattr(request, "param", "card")
-    card = Translator(dialect=dialect)
-    card.dialect = dialect
-    return card
+    return Translator(dialect=getattr(request, "param", "card"))
 
 
 # Tests of common behaviour run in every dialect, because each dialect is a build of its own.
@@ -103,7 +101,7 @@ def play(card: Translator, example: dict) -> None:
 
 
 @pytest.mark.rule("FC-3", "FC-4", "FC-5", "MAP-3", "MAP-7", "MAP-8")
-@pytest.mark.parametrize("name", EXAMPLES)
+@each_row("name", EXAMPLES)
 def test_example_of_the_manuals(card: Translator, name: str):
     play(card, EXAMPLES[name])
 
@@ -113,7 +111,7 @@ def test_example_of_the_manuals(card: Translator, name: str):
 
 @in_every_dialect
 @pytest.mark.rule("EXC")
-@pytest.mark.parametrize("function", [0x80, 0x83, 0x90, 0xFF])
+@each_row("function", [0x80, 0x83, 0x90, 0xFF])
 def test_the_echo_of_an_exception_is_no_request(card: Translator, function: int):
     """At the length of an exception and at others."""
     for more in (b"", b"\x02", H("0000 0001")):
@@ -121,22 +119,22 @@ def test_the_echo_of_an_exception_is_no_request(card: Translator, function: int)
 
 
 @pytest.mark.rule("EXC")
-@pytest.mark.parametrize("function", [f for f in range(0x80) if f not in (1, 3, 5, 6, 0x0F, 0x10)])
+@each_row("function", [f for f in range(0x80) if f not in (1, 3, 5, 6, 0x0F, 0x10)])
 def test_unknown_function_gets_67_at_any_length(card: Translator, function: int):
     assert card.do(bytes([function])).reply == refused(67, function)
     assert card.do(bytes([function]) + H("0000 0001")).reply == refused(67, function)
 
 
 @pytest.mark.rule("EXC")
-@pytest.mark.parametrize("function", [1, 3, 5, 6])
-@pytest.mark.parametrize("length", [1, 2, 4, 6, 31, 253])
+@each_row("function", [1, 3, 5, 6])
+@each_row("length", [1, 2, 4, 6, 31, 253])
 def test_wrong_length_of_a_plain_request_gets_65(card: Translator, function: int, length: int):
     pdu = (bytes([function]) + H("0000 0001")).ljust(length, b"\0")[:length]
     assert card.do(pdu).reply == refused(65, function)
 
 
 @pytest.mark.rule("EXC", "MAP-1", "MAP-2", "MAP-5", "MAP-6")
-@pytest.mark.parametrize(
+@each_row(
     ("pdu", "code", "what"),
     [
         ("0F", 65, "nothing but the function"),
@@ -226,7 +224,7 @@ def test_request_longer_than_the_memory_kept_gets_its_exception(card: Translator
 
 
 @pytest.mark.rule("EXC", "MAP-8")
-@pytest.mark.parametrize(
+@each_row(
     ("ind", "pdu", "code", "what"),
     [
         ("0400", "03 1842 000A 00", 65, "length before address"),
@@ -245,7 +243,7 @@ def test_only_the_first_error_of_a_text_is_reported(
 
 
 @pytest.mark.rule("EXC")
-@pytest.mark.parametrize("value", ["FF01", "0001", "00FF", "FFFF", "0100", "FE00"])
+@each_row("value", ["FF01", "0001", "00FF", "FFFF", "0100", "FE00"])
 def test_single_coil_takes_0000_and_ff00_only(card: Translator, value: str):
     for coil in ("0000", "0040"):
         assert same(reply_to(card, f"05 {coil} {value}"), "85 02")
@@ -267,7 +265,7 @@ def write_pattern(card: Translator) -> None:
 
 
 @pytest.mark.rule("MAP-1", "FC-6")
-@pytest.mark.parametrize(
+@each_row(
     ("address", "quantity", "data"),
     [
         ("0000", "0080", "7C 04 99 19 03 0F 00 20 01 00 00 00 00 00 00 00"),
@@ -293,7 +291,7 @@ def test_any_run_of_coils_reads_from_the_image(card: Translator, address: str, q
 
 @in_every_dialect
 @pytest.mark.rule("MAP-2", "MAP-3", "FC-5")
-@pytest.mark.parametrize(
+@each_row(
     ("pdu", "process"),
     [
         ("05 0000 FF00", "047D 1999"),
@@ -326,9 +324,7 @@ def test_a_written_coil_stays_written_when_the_drive_fails(card: Translator):
 
 @in_every_dialect
 @pytest.mark.rule("MAP-2")
-@pytest.mark.parametrize(
-    ("on", "off"), [("05 0040 FF00", "05 0040 0000"), ("0F 0040 0001 01 FF", "0F 0040 0001 01 FE")]
-)
+@each_row(("on", "off"), [("05 0040 FF00", "05 0040 0000"), ("0F 0040 0001 01 FF", "0F 0040 0001 01 FE")])
 def test_coil_65_is_written_locally_without_a_telegram(card: Translator, on: str, off: str):
     assert card.do(H(on)).reply == H(on)[:5]
     assert same(reply_to(card, "01 0040 0001"), "01 01 01")
@@ -340,7 +336,7 @@ def test_coil_65_is_written_locally_without_a_telegram(card: Translator, on: str
 
 
 @pytest.mark.rule("MAP-5")
-@pytest.mark.parametrize(
+@each_row(
     ("pdu", "after"),
     [
         ("06 0000 0507", "0507 03E8 000F"),
@@ -358,7 +354,7 @@ def test_local_registers_are_written_one_or_several_at_once(card: Translator, pd
 
 
 @pytest.mark.rule("MAP-5", "EXC")
-@pytest.mark.parametrize("pdu", ["06 0002 0000", "10 0002 0001 02 0000", "10 0000 0003 06 0001 0002 0000"])
+@each_row("pdu", ["06 0002 0000", "10 0002 0001 02 0000", "10 0000 0003 06 0001 0002 0000"])
 def test_drive_timeout_0_is_refused_and_nothing_of_the_request_is_written(card: Translator, pdu: str):
     assert card.do(H(pdu)).reply == refused(2, H(pdu)[0])
     assert same(reply_to(card, "03 0000 0003"), "03 06 0000 03E8 000F")
@@ -368,7 +364,7 @@ def test_drive_timeout_0_is_refused_and_nothing_of_the_request_is_written(card: 
 
 
 @pytest.mark.rule("MAP-6", "FC-3", "FC-4", "FC-5")
-@pytest.mark.parametrize("pnu", [1, 2, 9, 10, 11, 99, 104, 514, 999, 1023, 1024, 1638, 2046, 2047])
+@each_row("pnu", [1, 2, 9, 10, 11, 99, 104, 514, 999, 1023, 1024, 1638, 2046, 2047])
 def test_every_parameter_starts_at_ten_times_its_number(card: Translator, pnu: int):
     address = (10 * pnu - 1).to_bytes(2, "big").hex()
     assert same(sent_for(card, f"03 {address} 0001"), f"81 {0x1000 | pnu:04x} 0000 0000 0000 0000 0000")
@@ -376,7 +372,7 @@ def test_every_parameter_starts_at_ten_times_its_number(card: Translator, pnu: i
 
 @in_every_dialect
 @pytest.mark.rule("MAP-7", "FC-4")
-@pytest.mark.parametrize(
+@each_row(
     ("pdu", "ram", "eeprom"),
     [
         ("06 040F 003C", "2068", "E068"),
@@ -393,15 +389,15 @@ def test_coil_65_chooses_ram_or_eeprom(card: Translator, pdu: str, ram: str, eep
 
 @in_every_dialect
 @pytest.mark.rule("MAP-7", "FC-4")
-@pytest.mark.parametrize("ak", ["1", "2"])
-@pytest.mark.parametrize("pdu", ["06 040F FFC4", "10 040F 0001 02 FFC4", "10 040F 0002 04 FFFF FFC4"])
+@each_row("ak", ["1", "2"])
+@each_row("pdu", ["06 040F FFC4", "10 040F 0001 02 FFC4", "10 040F 0002 04 FFFF FFC4"])
 def test_a_parameter_write_is_confirmed_by_its_head(card: Translator, ak: str, pdu: str):
     assert answered(card, pdu, f"{ak}068 0000 FFFF FFC4 {RUNNING}") == H(pdu)[:5]
 
 
 @in_every_dialect
 @pytest.mark.rule("MAP-7")
-@pytest.mark.parametrize(
+@each_row(
     ("pwe", "one", "two"),
     [
         ("0000 012C", "012C", "0000 012C"),
@@ -414,7 +410,7 @@ def test_a_parameter_write_is_confirmed_by_its_head(card: Translator, ak: str, p
         ("0001 FFFF", None, "0001 FFFF"),
     ],
 )
-@pytest.mark.parametrize("ak", ["1", "2"])
+@each_row("ak", ["1", "2"])
 def test_one_register_never_shows_a_cut_double_word(
     card: Translator, ak: str, pwe: str, one: str | None, two: str
 ):
@@ -428,14 +424,14 @@ def test_one_register_never_shows_a_cut_double_word(
 
 
 @pytest.mark.rule("MAP-8")
-@pytest.mark.parametrize("ind", ["0007", "0107", "0507", "FF07"])
+@each_row("ind", ["0007", "0107", "0507", "FF07"])
 def test_the_index_is_sent_with_every_read_by_number(card: Translator, ind: str):
     reply_to(card, f"06 0000 {ind}")
     assert same(sent_for(card, "03 17C9 0001"), "81 1261 0007 0000 0000 0000 0000")
 
 
 @pytest.mark.rule("MAP-8")
-@pytest.mark.parametrize("ind", ["0007", "0407", "FF07"])
+@each_row("ind", ["0007", "0407", "FF07"])
 def test_the_index_is_sent_with_every_write_by_number(card: Translator, ind: str):
     reply_to(card, f"06 0000 {ind}")
     assert same(sent_for(card, "06 17C9 0102"), "81 2261 0007 0000 0102 0000 0000")
@@ -480,7 +476,7 @@ def test_ind_and_coil_65_stay_as_written(card: Translator):
 
 
 @pytest.mark.rule("MAP-8", "FC-7")
-@pytest.mark.parametrize(
+@each_row(
     ("stored", "registers", "data"),
     [
         ("", 1, "2020"),
@@ -507,7 +503,7 @@ def test_text_is_filled_with_spaces_or_cut(card: Translator, stored: str, regist
 
 
 @pytest.mark.rule("MAP-8", "FC-7")
-@pytest.mark.parametrize("registers", range(1, 11))
+@each_row("registers", range(1, 11))
 def test_text_of_every_length_is_written(card: Translator, registers: int):
     text = "1234567890abcdefghij"[: 2 * registers].encode().hex()
     reply_to(card, "06 0000 0500")
@@ -545,7 +541,7 @@ NUMBER, TEXT, PROCESS = "03 1413 0002", "03 1841 0004", "05 0000 FF00"
 
 @in_every_dialect
 @pytest.mark.rule("FC-8")
-@pytest.mark.parametrize(
+@each_row(
     ("pdu", "drive", "what"),
     [
         (NUMBER, "0F03 2000", "a process telegram"),
@@ -594,7 +590,7 @@ def test_a_reply_whose_bcc_was_wrong_is_replaced_by_the_next(card: Translator):
 
 
 @pytest.mark.rule("FC-6")
-@pytest.mark.parametrize(
+@each_row(
     ("setup", "pdu", "drive"),
     [
         ("06 0000 0000", "05 0000 FF00", "8421 C0DE"),
@@ -617,7 +613,7 @@ def test_every_good_reply_updates_the_status_coils(card: Translator, setup: str,
 
 @in_every_dialect
 @pytest.mark.rule("FRAME-6")
-@pytest.mark.parametrize(
+@each_row(
     "pdu",
     [
         "05 0000 FF00",
@@ -661,7 +657,7 @@ def test_a_newer_request_is_served_while_the_drive_works_on_an_older_one(card: T
 
 @in_every_dialect
 @pytest.mark.rule("MAP-9", "FC-2")
-@pytest.mark.parametrize(
+@each_row(
     ("pdu", "telegram"),
     [
         ("0F 0000 0020 04 7C 04 99 19", "80 047C 1999"),
@@ -688,7 +684,7 @@ def test_a_broadcast_coil_write_stays_in_the_image(card: Translator):
 
 
 @pytest.mark.rule("MAP-9", "MAP-5")
-@pytest.mark.parametrize("pdu", ["06 0000 0102", "10 0000 0002 04 0102 03E8"])
+@each_row("pdu", ["06 0000 0102", "10 0000 0002 04 0102 03E8"])
 def test_a_broadcast_write_to_local_registers_gets_no_reply(card: Translator, pdu: str):
     assert card.do(H(pdu), broadcast=True).outcome == SILENT
     assert same(reply_to(card, "03 0000 0003"), "03 06 0102 03E8 000F")
@@ -698,7 +694,7 @@ def test_a_broadcast_write_to_local_registers_gets_no_reply(card: Translator, pd
 
 @in_every_dialect
 @pytest.mark.rule("MAP-9", "EXC")
-@pytest.mark.parametrize(
+@each_row(
     "pdu",
     [
         "01 0000 0010",
@@ -732,7 +728,7 @@ def test_with_adr_short_the_drive_is_01_and_all_drives_are_20():
 
 
 @pytest.mark.rule("MAP-1")
-@pytest.mark.parametrize(
+@each_row(
     ("address", "quantity", "data"),
     [
         ("0020", "0020", "21 84 DE C0"),
@@ -760,7 +756,7 @@ def test_with_status_refresh_a_coil_write_is_confirmed_as_usual():
 
 
 @pytest.mark.rule("MAP-1")
-@pytest.mark.parametrize("run", ["0000 0020", "0040 0001", "0040 0040", "001F 0001"])
+@each_row("run", ["0000 0020", "0040 0001", "0040 0040", "001F 0001"])
 def test_with_status_refresh_other_reads_are_still_local(run: str):
     assert Translator("STATUS_REFRESH").do(H(f"01 {run}")).outcome == REPLY
 

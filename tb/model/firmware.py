@@ -140,12 +140,16 @@ class Translator:
     """The translation core with the card's images."""
 
     def __init__(self, option: str = "", dialect: str = "card") -> None:
+        self.option, self.dialect = option, dialect
         self.lib = library(option, dialect)
         self.lib.host_connect(None, None)
         size = self.lib.host_size_of_translator()
         self.memory = ctypes.create_string_buffer(size)
         self.size = self.lib.host_size_of_transaction()
         self.lib.translate_init(self.memory)
+
+    def fresh(self) -> Translator:
+        return Translator(self.option, self.dialect)
 
     def request(self, pdu: bytes, length: int | None = None, broadcast: bool = False) -> Transaction:
         """Prepares a request; `length` is the true length if it differs from that of `pdu`."""

@@ -10,6 +10,7 @@ from pymodbus.pdu import DecodePDU
 from pymodbus.pdu.register_message import ReadHoldingRegistersRequest, WriteMultipleRegistersRequest
 
 from tb.agents import crc16, rtu
+from tb.lib.rows import each_row
 from tb.model.firmware import MEMORY, Cpu, library
 
 
@@ -54,7 +55,7 @@ def test_pdus_agree_with_pymodbus():
 
 
 @pytest.mark.rule("FRAME-1")
-@pytest.mark.parametrize(
+@each_row(
     ("baud", "t15_us", "t35_us"),
     [(300, 55_000, 128_333), (9600, 1719, 4010), (19200, 859, 2005), (38400, 750, 1750), (115200, 750, 1750)],
 )
@@ -63,7 +64,7 @@ def test_silences_are_the_published_ones(baud: int, t15_us: int, t35_us: int):
     assert rtu.t35_ps(baud) / 1e6 == pytest.approx(t35_us, abs=1)
 
 
-@pytest.mark.parametrize(
+@each_row(
     ("words", "result"),
     [
         ([0x40C58533], 0xFFFFFFF9),  # sub a0,a1,a2: 5 - 12
@@ -92,7 +93,7 @@ def test_the_machine_of_the_images_computes_as_rv32i(words: list[int], result: i
     assert cpu.x[10] == result
 
 
-@pytest.mark.parametrize(
+@each_row(
     ("word", "what"), [(0x02C58533, "mul"), (0x00102503, "lw a0,1(zero)"), (0xFFFFFFFF, "no instruction")]
 )
 def test_the_machine_stops_at_what_the_card_does_not_have(word: int, what: str):

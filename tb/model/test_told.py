@@ -6,6 +6,7 @@ from __future__ import annotations
 import pytest
 
 from tb.agents import rtu
+from tb.lib.rows import each_row
 from tb.model.card import DRIVE_TIMEOUT, CardModel
 from tb.model.fc_telegram import AK_WRITE_WORD, build_parameter, build_process
 from tb.model.told import Verdict, judge, not_told
@@ -37,7 +38,7 @@ def set_104(value: int, unit: int = 1) -> bytes:
 
 
 @pytest.mark.rule("SAFE-8")
-@pytest.mark.parametrize(
+@each_row(
     ("sent", "image", "holds"),
     [
         ([], NONE, True),
@@ -93,7 +94,7 @@ FIRST, FREE = (69.5, process(START)), 232.0
 
 
 @pytest.mark.rule("FRAME-7", "SAFE-8")
-@pytest.mark.parametrize(
+@each_row(
     ("asked", "telegrams", "says"),
     [
         (ASKED, [(FREE, process(STOP)), (394, write(60))], ""),
@@ -161,7 +162,7 @@ TO_ALL, NEWER, COMMAND = set_104(61, 0), set_104(62), rtu.build(1, rtu.write_coi
 
 
 @pytest.mark.rule("FRAME-7", "FC-9")
-@pytest.mark.parametrize(
+@each_row(
     ("newer", "telegrams", "says"),
     [
         ([], [(142.5, write(60)), (192.5, write(60))], ""),
@@ -189,7 +190,7 @@ IMAGE, ECHO = rtu.build(1, rtu.read_coils(0, 32)), rtu.build(1, coils(START)[1:6
 
 
 @pytest.mark.rule("SAFE-8")
-@pytest.mark.parametrize(("shown", "says"), [("7c040020", ""), ("3c040020", "was told 047c 2000")])
+@each_row(("shown", "says"), [("7c040020", ""), ("3c040020", "was told 047c 2000")])
 def test_image_is_compared_when_both_lines_are_at_rest(shown, says):
     """The drive answers the start; the answer to a reading of coils 1-32 shows `shown`."""
     replies = [(92, ECHO), (213.5, rtu.build(1, bytes.fromhex("0104" + shown)))]
