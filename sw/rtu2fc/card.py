@@ -44,6 +44,10 @@ SIZES = {"uint8": (0, 0xFF), "int16": (-0x8000, 0x7FFF), "uint16": (0, 0xFFFF)}
 SIZES |= {"int32": (-0x80000000, 0x7FFFFFFF), "uint32": (0, 0xFFFFFFFF)}
 MEANING = {255: " (no answer from the drive)"}
 SILENT, NO_ANSWER_PAGE = "no answer", "docs/guide/debugging.md, No answer"
+# Printed when a drive is silent, and its owner may be about to open it.
+OUTSIDE_ONLY = (
+    "Swap A and B at the master. Inside a drive look at nothing until it has been off for 14 minutes."
+)
 
 
 @dataclass(frozen=True)
@@ -160,7 +164,7 @@ class Card:
         line = self.line
         return [
             f"Tried: unit {self.unit} at {line.baud} {line.form} on {line.name}, {self.answer_s:.1f} s.",
-            "Check the network LED: red means that no good frame reaches the card; then wires A and B.",
+            OUTSIDE_ONLY,
             f"Compare the switches: rtu2fc switches {line.baud} {line.form} {self.unit}",
             f"Rate, format or unit not known: rtu2fc scan {line.name}",
             f"Read: {NO_ANSWER_PAGE}",
@@ -178,9 +182,8 @@ class Card:
                 silent |= str(lost) == SILENT
                 if tries < 1:
                     raise
-        if (
-            silent
-        ):  # it may be the late reply to the first request: the next question must not get the other one
+        # This may be the late reply to the first request: the next question must not get the second one.
+        if silent:
             self.line.exchange(b"", 2 * self.answer_s)
         if reply[0] == pdu[0]:
             return reply

@@ -217,7 +217,9 @@ class Check:
     def boot(self) -> str:
         """Waits for the power-up values; 40002 has another one before."""
         self.ask(done(write_register(NETWORK_TIMEOUT, POWER_UP[0] + 1)))
-        self.screen.say(f"    switch the card off and on within {BOOT_S:.0f} s")
+        self.screen.say(
+            f"    switch the card off and on (in a drive: the drive's line switch) within {BOOT_S:.0f} s"
+        )
         frame = build(self.card.unit, read_registers(NETWORK_TIMEOUT, 2))
         last, end = self.line.at, self.line.at + BOOT_S
         while self.line.at < end:

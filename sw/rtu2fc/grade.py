@@ -177,7 +177,7 @@ def run(args: argparse.Namespace, screen: Screen, line: Line) -> int:
     except Silence as silence:
         raise NoAnswer(
             str(silence),
-            "Check --unit, --baud, --format and the wires A and B.",
+            "Check --unit, --baud, --format, and A and B at the master.",
             f"Rate, format or unit not known: rtu2fc scan {line.name}",
         ) from None
     counts = Counter(one.outcome for one in verdicts)

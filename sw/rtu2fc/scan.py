@@ -9,7 +9,7 @@ import math
 import re
 import time
 
-from .card import DRIVE_TIMEOUT
+from .card import DRIVE_TIMEOUT, NO_ANSWER_PAGE, OUTSIDE_ONLY
 from .crc16 import crc_good
 from .port import Line, SerialPort
 from .problem import DONE, NoAnswer, Problem
@@ -84,7 +84,7 @@ class Scan:
                 return True
         raise NoAnswer(
             "bytes are heard, but no good frame at any rate",
-            "Another protocol, noise, or the wires A and B are swapped.",
+            "Another protocol, noise, or A and B are swapped: swap them at the master.",
         )
 
     def ask(self, baud: int, form: str, units: list[int]) -> None:
@@ -127,8 +127,8 @@ def scan(args: argparse.Namespace, screen: Screen) -> int:
     if not scan.found:
         raise NoAnswer(
             "nobody answers at any rate, format and unit",
-            "Swap the wires A and B, check the supply of the card, and its LEDs.",
-            "Read: docs/guide/debugging.md, No answer",
+            OUTSIDE_ONLY,
+            f"Read: {NO_ANSWER_PAGE}",
         )
     answers = [one for one in scan.found if not one["heard"]]
     if answers:
