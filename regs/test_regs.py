@@ -4,7 +4,6 @@
 from __future__ import annotations
 
 import re
-import tomllib
 from pathlib import Path
 
 import pytest
@@ -12,15 +11,6 @@ import pytest
 from regs import regs
 from regs.generated import card_tables, mailbox
 from tb.lib.runner import ROOT
-
-# Names of the bits 0 to 15, by the manuals of the card (23-6130-00 p17) and of the drives. Where the kinds of
-# drive differ a bit has two names.
-CONTROL = """Preset reference LSB, Preset reference MSB, DC brake, Coast stop, Quick stop, Freeze frequency,
-Ramp stop / start, Reset, Jog, No function / Ramp, Data valid, Relay 1, Relay 2, Setup LSB, Setup MSB,
-Reversing"""
-STATUS = """Control ready, Drive ready, Stand by / Coasting, Trip, Not in use, Not in use,
-Not in use / Trip lock, Warning, Speed = reference, Serial control, Frequency in range, Running, No function,
-Voltage warning, Current limit, Thermal warning"""
 
 # The drive line's rate is also one of the network line.
 (DRIVE_RATE,) = {rate for rate in card_tables.RATES.values() if rate.baud == card_tables.DRIVE_BAUD}
@@ -43,20 +33,6 @@ def test_an_outdated_generated_file_is_named(monkeypatch, capsys):
     monkeypatch.setattr("sys.argv", ["regs", "--check"])
     assert regs.main() == 1
     assert capsys.readouterr().err.startswith("VERSION differs from its source; run `make regs`\n")
-
-
-@pytest.mark.parametrize(
-    ("word", "manual", "prefix"), [("control", CONTROL, "CTW"), ("status", STATUS, "STW")]
-)
-def test_words_of_the_fc_protocol_are_those_of_the_manuals(word, manual, prefix):
-    """Each bit of regs/fc.toml; the simulated drive, written by hand, has its bits in the same places."""
-    bits = tomllib.loads((ROOT / "regs/fc.toml").read_text())[word]
-    named = [" / ".join(entry["name"] for entry in bits.values() if entry["bit"] == bit) for bit in range(16)]
-    assert ", ".join(named) == manual.replace("\n", " ")
-    drive = re.findall(rf"{prefix}_(\w+) = 1 << (\d+)", (ROOT / "sim/drive/vlt_drive.c").read_text())
-    for name, bit in drive:
-        assert bits[name.lower().removeprefix("no_").removesuffix("_2")]["bit"] == int(bit), name
-    assert len(drive) > 8
 
 
 def test_no_two_frames_share_bytes():
@@ -95,32 +71,6 @@ def test_the_map_ends_with_the_address_space():
     assert mailbox.BASE == 0xFFFF_F800
     assert mailbox.FRAMES + mailbox.FRAMES_BYTES == 1 << 32
     assert all(register.offset < 32 for register in mailbox.REGISTERS.values())
-
-
-@pytest.mark.rule("LINE-2", "LINE-4")
-def test_rates_of_the_manual_and_exact_division():
-    """The rates of LINE-2 by switch pattern; each divides the base exactly (LINE-4)."""
-    manual = {"000": 300, "001": 1200, "010": 2400, "011": 4800, "111": 9600, "101": 19200}
-    for table, more in (
-        (card_tables.RATES, {"100": 9600, "110": 9600}),
-        (card_tables.EXTENDED_RATES, {"100": 38400, "110": 115200}),
-    ):
-        assert {pattern: rate.baud for pattern, rate in table.items()} == manual | more
-    for rate in card_tables.EXTENDED_RATES.values():
-        assert rate.ratio * rate.baud * card_tables.TICKS_PER_BIT == card_tables.BASE_HZ
-        assert rate.ratio in (1, 3 * (rate.mask + 1))
-        assert rate.mask < 1 << 7
-
-
-@pytest.mark.rule("LINE-3")
-def test_formats_of_the_manual():
-    manual = {"11": ("none", 2, 11), "01": ("odd", 1, 11), "00": ("even", 1, 11)}
-    for table, more in (
-        (card_tables.FORMATS, ("none", 2, 11)),
-        (card_tables.EXTENDED_FORMATS, ("none", 1, 10)),
-    ):
-        found = {pattern: (f.parity, f.stop_bits, f.character_bits) for pattern, f in table.items()}
-        assert found == manual | {"10": more}
 
 
 @pytest.mark.rule("FRAME-1")
@@ -163,12 +113,6 @@ def test_three_and_seven_half_characters_are_the_silences():
 )
 def test_constants_in_verilog_are_those_of_the_table(file, constants):
     assert localparams(ROOT / file).items() >= constants.items()
-
-
-@pytest.mark.rule("FC-1", "FC-8")
-def test_drive_line_is_9600_8e1_with_a_pause_of_two_characters():
-    assert (9600, card_tables.Format("even", 1, 11)) == (card_tables.DRIVE_BAUD, card_tables.DRIVE_FORMAT)
-    assert card_tables.DRIVE_PAUSE_TICKS == 22 * 16
 
 
 def test_the_decoder_of_the_registers_has_the_numbers_of_the_map():

@@ -25,6 +25,7 @@ from campaigns.bench import fingerprint
 from campaigns.line_quality.limits import QUANTITIES
 from constraints import image
 from constraints.boards import boards
+from regs.dialects import IMAGES
 from regs.generated.card_tables import RATES
 from rtl.command import VERSION, Parser, run_main
 from rtl.report_page import evidence
@@ -358,17 +359,14 @@ def images() -> str:
     for name, entry in boards().items():
         firmware = "card"
         if entry.config == "standard":
-            dialects = ("card", "builtin", "hvac-basic")
+            # MASTER_LOSS_STOP alone does nothing in these designs (SAFE-7).
             more = [
-                "card-refresh",
-                "builtin-norefresh",
-                "hvac-basic-norefresh",
-                "card-delay5",
-                "card-delay20",
+                f"{dialect}-{one.name.rpartition('/')[2]}"
+                for one in IMAGES.values()
+                for dialect in one.dialects
+                if one.name.startswith("large/") == bool(entry.memory_bytes) and one.name != "stop"
             ]
-            if entry.memory_bytes:
-                more = [f"{dialect}-all" for dialect in dialects]
-            firmware = ", ".join([*dialects, *more])
+            firmware = ", ".join([*DIALECTS, *more]).replace("_", "-")
         suffix = image.result_suffix(entry)
         rows.append(
             [f"`{name}`", entry.part, f"{suffix}, .jed" if entry.family == "machxo2" else suffix, firmware]

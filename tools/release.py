@@ -31,6 +31,7 @@ from pathlib import Path
 from campaigns.bench import fingerprint
 from constraints import flow, image, synth
 from constraints.boards import Board, board, boards, extended
+from regs.dialects import IMAGES
 from rtl.command import STOPPED, VERSION, Parser, run_main
 from rtl.sources import ROOT, SourcesError, commit
 from tools import datasheet, figures, trace, wheels
@@ -44,7 +45,7 @@ CHANGELOG = ROOT / "CHANGELOG.md"
 # Folders of build/ that the site shows; their commands have written them before.
 SHOWN = ("reports", "pictures", "diagrams")
 # Folders of sw/firmware.mk with the images of an option, or of all at once.
-OPTIONS = ("all", "refresh", "norefresh", "stop", "delay5", "delay20")
+OPTIONS = {name.rpartition("/")[2] for name in IMAGES}
 # The date of every file in the archive, the first that zip knows.
 ZIP_DATE = (1980, 1, 1, 0, 0, 0)
 ZIP_MODE = 0o100644 << 16

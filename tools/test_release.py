@@ -17,11 +17,9 @@ from packaging.utils import parse_wheel_filename
 
 from constraints.boards import board, boards
 from rtl.command import VERSION, version
-from rtl.sources import ROOT, configurations
-from tb.agents.rtu import build, write_register
-from tb.card.test_card_large_memory import PARAMETERS
-from tb.lib.fast_card import FastCard
-from tb.model.card import DIALECTS, OBJECTS
+from rtl.sources import ROOT
+from tb.firmware.test_firmware_images import images
+from tb.model.card import OBJECTS
 from tools import datasheet, figures, release, trace, wheels
 from tools.release import Image
 from tools.trace import Result
@@ -132,10 +130,7 @@ def test_the_tag_is_that_of_the_version(releasable, monkeypatch, capsys):
 
 
 def firmware_images() -> list[Image]:
-    command = ["make", "-s", "-f", "sw/firmware.mk", f"FIRMWARE_PYTHON={sys.executable}", "firmware-images"]
-    clean = {name: value for name, value in os.environ.items() if not re.match(r"MAKE|MFLAGS", name)}
-    done = subprocess.run(command, cwd=ROOT, env=clean, capture_output=True, text=True, check=True)
-    return [Image(Path(name)) for name in done.stdout.split()]
+    return [Image(Path(name)) for name in images()]
 
 
 def test_images_of_every_dialect_and_option():
@@ -146,20 +141,6 @@ def test_images_of_every_dialect_and_option():
     assert names == sorted([*of_card, *of_builtin, "hvac-basic", "hvac-basic-norefresh"])
     large = {image.name for image in found if image.path.parts[1] == "large"}
     assert large == {f"{name}{end}" for name in ("card", "builtin", "hvac-basic") for end in ("", "-all")}
-
-
-@pytest.mark.nightly
-def test_every_image_speaks_its_dialect():
-    """Each has a code of its own for the value 0 of 40003. The names alone would not show the wrong one."""
-    for image in firmware_images():
-        config = "tiny" if "tiny" in image.path.parts else "standard"
-        folder = image.path.parent.relative_to(Path(configurations()[config]["firmware_hex"]).parent)
-        dialect = next((name for name in DIALECTS if name in image.path.parts), "card")
-        parameters = PARAMETERS if "large" in image.path.parts else ()
-        with FastCard(dialect=str(folder), config=config, parameters=parameters, seed=1) as card:
-            card.run(card.boot_ms)
-            refused = card.request(build(1, write_register(2, 0)))
-            assert refused and refused.data[1:-2] == bytes([0x86, DIALECTS[dialect].codes["value"]]), image
 
 
 @pytest.mark.nightly

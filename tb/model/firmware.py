@@ -27,7 +27,7 @@ KEPT = 31  # bytes of a PDU that fit a request bank beside the address (FRAME-5)
 JUNK = (
     0xA5  # value of every frame byte that the hardware did not write, and of every result before it is made
 )
-MEMORY = 8192  # bytes of the standard card
+MEMORY, LARGEST = 8192, 16384  # bytes of the standard card, of the largest
 
 
 def build(file: str, *variables: str) -> Path:
@@ -180,7 +180,7 @@ class Cpu(ctypes.Structure):
         (name, ctypes.c_uint32)
         for name in ("pc", "word_flip", "instructions", "lowest_sp", "memory_size", "reads_time")
     ]
-    _fields_ += [("memory", ctypes.c_uint8 * MEMORY)]
+    _fields_ += [("memory", ctypes.c_uint8 * LARGEST)]
 
 
 class Firmware:
@@ -227,13 +227,13 @@ class Gateway(Firmware):
 class Machine(Firmware):
     """An image on an RV32I machine; a round begins with the reading of TIME."""
 
-    def __init__(self, mailbox: FakeMailbox, program: bytes) -> None:
+    def __init__(self, mailbox: FakeMailbox, program: bytes, memory: int = MEMORY) -> None:
         super().__init__(mailbox)
         self.state = Cpu()
         self.cpu = ctypes.byref(self.state)
         self.memory = self.state.memory
         self.lib.host_connect(mailbox.pointer, None)
-        self.lib.machine_load(self.cpu, program, len(program), MEMORY)
+        self.lib.machine_load(self.cpu, program, len(program), memory)
         # Up to the first reading of TIME, which belongs to the start, and the rest of the first round.
         self.run(0, 2)
 

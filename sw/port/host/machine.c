@@ -35,7 +35,7 @@ static bool is_register(uint32_t address)
     return address >> 31 && !(address >> 10 & 1);
 }
 
-/* The memory repeats over all addresses, and the last quarter of 8 KiB over one of 6 KiB. */
+/* A memory repeats over all addresses: 16 and 8 KiB whole, and of 6 KiB the last 2 KiB, where 8 KiB would go on. */
 uint8_t *machine_place(struct machine *m, uint32_t address, uint32_t size)
 {
     const uint32_t end = m->memory_size + FRAMES_bytes;

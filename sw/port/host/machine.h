@@ -9,7 +9,7 @@
 #include <stdbool.h>
 #include <stdint.h>
 
-enum { MACHINE_MEMORY = 8192, MACHINE_SP = 2 };
+enum { MACHINE_MEMORY = 16384, MACHINE_SP = 2 };
 
 struct machine {
     uint32_t x[32];
