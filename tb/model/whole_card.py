@@ -70,9 +70,8 @@ class Request:
     waited: bool = False  # for the end of an exchange (FRAME-7)
     committed: float = NEVER
     replaced: Request | None = None  # the write whose place it took
-    second: bool = (
-        False  # its second telegram is under way, which only the newest request may ask for (MAP-8)
-    )
+    second: bool = False  # its second telegram is under way (MAP-8)
+    second_overtaken: bool = False  # by a candidate: only the newest request may ask for its second telegram
     to_one: bool = False  # the image: one of the writes that it stands for was for this card alone
 
     @property
@@ -104,7 +103,6 @@ class Exchange:
     waits: tuple[int, int] = (0, 0)  # smallest and largest register 40003 since the telegram
     wanted: float = NEVER  # when a newer request with a telegram was committed (FC-9)
     overtaken: bool = False
-    second_overtaken: bool = False  # by a candidate: a second telegram (MAP-8) may stay unsent
     settled: float = NEVER  # when the overtaking request was committed or revoked
     superseded: float = NEVER  # when a newer request was committed; no repeat after that (FC-9)
     receiver: DriveReceiver | None = None
@@ -234,8 +232,9 @@ class LineJudge:
             self.candidate_at, self.pending = event.at, True
             for request in self.queue:
                 request.overtaken = not self._keeps_place(request)
+                request.second_overtaken = True
             if self.exchange:
-                self.exchange.second_overtaken = True
+                self.exchange.request.second_overtaken = True
                 if self._is_repeat_of_a_write(self.exchange):
                     self.exchange.queued_by = NEVER  # a commit of its kind makes the card order it anew
                 if not self._keeps_place(self.exchange.request):
@@ -709,7 +708,7 @@ class LineJudge:
 
     def _overtake(self, before: Exchange, at: float) -> None:
         """A candidate during the first telegram also overtakes the second."""
-        if before.second_overtaken:
+        if before.request.second_overtaken:
             self.exchange.overtaken, self.exchange.settled = True, min(before.settled, at)
 
     def _done(self, at: float, since: float | None = None) -> None:
