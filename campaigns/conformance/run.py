@@ -26,7 +26,7 @@ from campaigns.conformance.designs import BUILD, DesignError, named
 from campaigns.conformance.fixture import FAULTS, ModelLine
 from campaigns.conformance.fixture import PROFILE as MODEL
 from rtl.command import Parser, run_main
-from rtl.report_page import publish
+from rtl.report_page import markdown, publish
 from rtl.sources import SourcesError
 from sim.harness.library import BuildError
 from sw.rtu2fc.cases import CASES
@@ -36,6 +36,8 @@ from sw.test import host
 KEPT = BUILD / "results.json"
 TEMPLATE = Path(__file__).parent / "conformance.md.in"
 CARDS = ("standard", "tiny")
+SUMMARY = ["slave", "by", "measured", "passed", "own code", "failed", "n.a.", "not visible"]
+TESTS = ["test", "page", "sent", "must come", "must not come"]
 MARKS = {PASS: "✓", OWN_CODE: "own code", FAIL: "**✗**", NONE: "n.a.", HIDDEN: ""}
 
 
@@ -85,14 +87,6 @@ def subjects() -> dict[str, Subject]:
 
 
 # ---------------------------------------------------------------- the page
-
-
-def row(*cells: str) -> str:
-    return f"| {' | '.join(cells)} |"
-
-
-def table(head: list[str], rows: list[list[str]]) -> str:
-    return "\n".join([row(*head), row(*["---"] * len(head)), *(row(*cells) for cells in rows)])
 
 
 def counts(verdicts: list[Verdict]) -> list[str]:
@@ -149,16 +143,9 @@ def write(kept: dict[str, dict]) -> None:
     publish(
         "conformance",
         TEMPLATE.read_text().format(
-            summary=table(
-                ["slave", "by", "measured", "passed", "own code", "failed", "n.a.", "not visible"], summary
-            ),
-            tests=table(
-                ["test", "page", "sent", "must come", "must not come"],
-                [[case.number, case.page, case.sent, case.must, case.must_not] for case in CASES],
-            ),
-            results=table(
-                ["test", *(f"{subject.title}, {subject.way}" for subject in there.values())], marks
-            ),
+            summary=markdown([SUMMARY, *summary]),
+            tests=markdown([TESTS, *([c.number, c.page, c.sent, c.must, c.must_not] for c in CASES)]),
+            results=markdown([["test", *(f"{one.title}, {one.way}" for one in there.values())], *marks]),
             details=details(there, verdicts),
             faults=faults,
             planted=len(FAULTS),

@@ -38,9 +38,11 @@ class Parser(argparse.ArgumentParser):
 
 def number(low: int, high: int, what: str) -> Callable[[str], int]:
     def read(text: str) -> int:
-        if not text.isdecimal() or not low <= int(text) <= high:
-            raise argparse.ArgumentTypeError(f"{what} is {low} to {high}, not '{text}'")
-        return int(text)
+        with contextlib.suppress(ValueError):
+            value = int(text, 16 if text[:2].lower() == "0x" else 10)
+            if low <= value <= high:
+                return value
+        raise argparse.ArgumentTypeError(f"{what} is {low} to {high}, not '{text}'")
 
     return read
 
@@ -56,13 +58,17 @@ def one_of(values: tuple, what: str) -> Callable[[str], object]:
 
 
 def seconds(text: str) -> float:
-    try:
-        value = float(text)
-    except ValueError:
-        value = -1
-    if not 0 < value < 1e9:
-        raise argparse.ArgumentTypeError(f"seconds are above 0, not '{text}'")
-    return value
+    with contextlib.suppress(ValueError):
+        if 0 < float(text) < 1e9:
+            return float(text)
+    raise argparse.ArgumentTypeError(f"seconds are above 0, not '{text}'")
+
+
+def percent(text: str) -> float:
+    with contextlib.suppress(ValueError):
+        if -199 <= float(text) <= 199:
+            return float(text)
+    raise argparse.ArgumentTypeError(f"the reference is -199 to 199 %, not '{text}'")
 
 
 def yes_no(text: str) -> bool:
@@ -133,11 +139,6 @@ def build() -> argparse.ArgumentParser:
         line,
     )
 
-    def percent(text: str) -> float:
-        with contextlib.suppress(ValueError):
-            return commands.share(text)
-        raise argparse.ArgumentTypeError(f"the reference is -199 to 199 %, not '{text}'")
-
     for name, run, text in (
         ("start", commands.start, "starts the motor, after a question"),
         ("reference", commands.reference, "another reference; a running motor follows, after a question"),
@@ -181,7 +182,7 @@ def build() -> argparse.ArgumentParser:
     one.add_argument("--dialect", type=dialect, default="auto", help="whose exceptions; default: card")
     drive_option(one)
     one = add("grade", graded, "the numbered tests of any Modbus RTU slave; they write", slave)
-    grade.add_options(one, seconds)
+    grade.add_options(one, number, seconds)
     one = add("switches", commands.switch_positions, "the positions of the card's switches, as a picture")
     one.add_argument("baud", type=baud, help="bit/s")
     one.add_argument("format", type=form, help="data bits, parity, stop bits: 8N2")

@@ -4,7 +4,6 @@
 from __future__ import annotations
 
 import argparse
-import math
 import os
 import shutil
 import subprocess
@@ -293,11 +292,3 @@ def table(args: argparse.Namespace, screen: Screen) -> int:
     if not fits:
         raise Problem(f"no parameter of {drive} has '{args.word}' in its number or name")
     return DONE
-
-
-def share(text: str) -> float:
-    """A reference in percent."""
-    value = float(text)
-    if not math.isfinite(value) or not -199 <= value <= 199:
-        raise ValueError
-    return value

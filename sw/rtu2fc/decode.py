@@ -131,7 +131,7 @@ class DriveLine(fc.Telegrams):
 
     def decode(self, edges: Sequence[tuple[int, int]]) -> list[Row]:
         for heard in characters(edges, DRIVE_LINE):
-            self.character(fc.Character(heard.start, heard.end, heard.byte, heard.fault))
+            self.character(heard)
         self.end()
         return self.rows
 

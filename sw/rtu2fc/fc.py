@@ -1,9 +1,11 @@
 # SPDX-License-Identifier: Apache-2.0
 """FC telegrams in words, from characters (FC-1 to FC-4, FC-7, FC-8).
 
-Times are in any unit, such as sample numbers. Silences are in characters, of the length that the caller
-reports, so that they hold at any rate.
+Characters are those of capture.py, their times in any unit. Silences are in characters, so that they hold at
+any rate.
 """
+
+from typing import NamedTuple
 
 from . import tables
 from .drives import DRIVES
@@ -25,15 +27,8 @@ FIELDS = ("stx", "lge", "adr", "pke", "ind", "pwe", "text", "pcd1", "pcd2", "bcc
 TELEGRAMS = ("request", "reply", "bad")
 
 
-class Character:
-    """A character on a line, with its first and last sample."""
-
-    def __init__(self, ss, es, value, flaw):
-        self.ss, self.es, self.value, self.flaw = ss, es, value, flaw
-
-    @property
-    def length(self):
-        return self.es - self.ss
+def width(char):
+    return char.end - char.start
 
 
 # ---------------------------------------------------------------- words
@@ -189,11 +184,12 @@ class Meaning:
             self._add("bcc-wrong", at, at + 1, text)
 
 
-class Request:
+class Request(NamedTuple):
     """A request that waits for its reply."""
 
-    def __init__(self, data, ss, es):
-        self.data, self.ss, self.es = data, ss, es
+    data: bytes
+    ss: float
+    es: float
 
 
 def same_task(request, reply, drive):
@@ -230,38 +226,40 @@ class Telegrams:
         self.deaf = False
 
     def character(self, char):
-        if self.last and char.ss - self.last.es > (GAP_MAX + TOLERANCE) * char.length:
+        if self.last and char.start - self.last.end > (GAP_MAX + TOLERANCE) * width(char):
             self.silence()
-        if char.flaw:
-            name = char.flaw.replace(" ", "-")
-            self.annotate(name, char.ss, char.es, "%s error in %02Xh" % (char.flaw.capitalize(), char.value))
+        if char.fault:
+            name = char.fault.replace(" ", "-")
+            self.annotate(
+                name, char.start, char.end, "%s error in %02Xh" % (char.fault.capitalize(), char.byte)
+            )
         self.last = char
         if self.telegram:
             self.telegram.append(char)
-        elif char.value == STX and not self.deaf:
+        elif char.byte == STX and not self.deaf:
             if self.outside:
                 self.end_of_outside("phantom")
             self.cut = None
-            if self.pending and char.ss - self.pending.es > REPLY_WITHIN * char.length:
+            if self.pending and char.start - self.pending.es > REPLY_WITHIN * width(char):
                 self.no_reply()  # it can no longer begin
             self.telegram = [char]
         else:
             self.outside.append(char)
         if len(self.telegram) > 1:
-            lge = self.telegram[1].value
+            lge = self.telegram[1].byte
             if lge >= LGE_MIN and len(self.telegram) == lge + 2:
                 self.finish()
 
     def end_of_outside(self, name):
         """Characters outside of any telegram. After one that ended early they are its rest: it had a gap."""
         chars, self.outside = self.outside, []
-        shown = " ".join("%02X" % char.value for char in chars)
+        shown = " ".join("%02X" % char.byte for char in chars)
         text = "Phantom before STX: " if name == "phantom" else "No STX: "
-        self.annotate(name, chars[0].ss, chars[-1].es, text + shown)
+        self.annotate(name, chars[0].start, chars[-1].end, text + shown)
         if name == "no-stx" and self.cut:
-            gap = (chars[0].ss - self.cut.es) / self.cut.length
+            gap = (chars[0].start - self.cut.end) / width(self.cut)
             text = "Gap of %.1f characters in a telegram, at most 2" % gap
-            self.annotate("gap", self.cut.es, chars[0].ss, text)
+            self.annotate("gap", self.cut.end, chars[0].start, text)
         self.cut = None
 
     # ------------------------------------------------------------ a telegram
@@ -277,8 +275,8 @@ class Telegrams:
     def finish(self):
         """Shows a telegram that is complete, or has ended early."""
         chars, self.telegram = self.telegram, []
-        data = bytes(char.value & 0xFF for char in chars)
-        ss, es, length = chars[0].ss, chars[-1].es, chars[0].length
+        data = bytes(char.byte for char in chars)
+        ss, es, length = chars[0].start, chars[-1].end, width(chars[0])
         if self.last_end is not None and ss - self.last_end < (PAUSE_MIN - TOLERANCE) * length:
             pause = (ss - self.last_end) / length
             text = "Pause of %.1f characters before a telegram, at least 2" % pause
@@ -287,7 +285,7 @@ class Telegrams:
         reply = self.is_reply(data, ss, length)
         meaning = Meaning(data, reply, self.drive)
         for name, first, after, text in meaning.fields:
-            self.annotate(name, chars[first].ss, chars[after - 1].es, text)
+            self.annotate(name, chars[first].start, chars[after - 1].end, text)
         faults = self.faults(chars, meaning)
         if faults:
             self.cut = chars[-1] if len(data) < 2 or len(data) < data[1] + 2 else None
@@ -309,15 +307,15 @@ class Telegrams:
     def faults(self, chars, meaning):
         """Why a telegram is bad, the first reason first; none for a good one."""
         there = len(chars)
-        found = ["%s wrong in byte %d" % (char.flaw, at) for at, char in enumerate(chars, 1) if char.flaw]
-        whole = chars[1].value + 2 if there > 1 else 0
+        found = ["%s wrong in byte %d" % (char.fault, at) for at, char in enumerate(chars, 1) if char.fault]
+        whole = chars[1].byte + 2 if there > 1 else 0
         if there < 2:
             found.append("cut after STX")
         elif meaning.fault:
             found.append(meaning.fault)
         elif there < whole:
             found.append("cut after %d of %d bytes" % (there, whole))
-        took = (chars[-1].es - chars[0].ss) / (there * chars[0].length)
+        took = (chars[-1].end - chars[0].start) / (there * width(chars[0]))
         if took > TIME_MAX * (1 + TOLERANCE / 10):
             found.append("took %.2f times its nominal time, at most 1.5" % took)
         return found

@@ -52,40 +52,29 @@ class ByteDriver:
 # ---------------------------------------------------------------- options
 
 
-def number(low: int, high: int) -> Callable[[str], int]:
-    """A number from low to high, in any notation of Python."""
-
-    def parse(text: str) -> int:
-        try:
-            value = int(text, 0)
-        except ValueError:
-            raise argparse.ArgumentTypeError(f"{text!r} is no number") from None
-        if not low <= value <= high:
-            raise argparse.ArgumentTypeError(f"{value} is not from {low} to {high}")
-        return value
-
-    return parse
-
-
 def list_of(one: Callable) -> Callable[[str], tuple]:
     """Numbers with commas between them."""
     return lambda text: tuple(one(part) for part in text.split(","))
 
 
-def own_code(text: str) -> tuple[str, int]:
+def own_code(number: Callable) -> Callable[[str], tuple[str, int]]:
     """`reason=code`."""
-    reason, _, code = text.partition("=")
-    if reason not in REASONS:
-        raise argparse.ArgumentTypeError(f"no reason {reason!r}; there are {', '.join(REASONS)}")
-    return reason, number(1, 255)(code)
+
+    def read(text: str) -> tuple[str, int]:
+        reason, _, code = text.partition("=")
+        if reason not in REASONS:
+            raise argparse.ArgumentTypeError(f"no reason {reason!r}; there are {', '.join(REASONS)}")
+        return reason, number(1, 255, "the code")(code)
+
+    return read
 
 
-def add_options(parser: argparse.ArgumentParser, seconds: Callable) -> None:
-    address, usual = number(0, 0xFFFF), Profile()
+def add_options(parser: argparse.ArgumentParser, number: Callable, seconds: Callable) -> None:
+    address, usual = number(0, 0xFFFF, "the number"), Profile()
     add = parser.add_argument
     add("--timeout", type=seconds, default=0.5, help="longest wait for a reply in s (0.5)")
     add("--gap", type=seconds, default=QUIET_S, help=f"silence in s that ends a reply ({QUIET_S})")
-    functions, values = list_of(number(1, 127)), list_of(address)
+    functions, values = list_of(number(1, 127, "the function")), list_of(address)
     had = "functions of the slave (1,3,5,6,15,16); 2 and 4 have tests, too"
     add("--functions", type=functions, default=sorted(usual.functions), help=had)
     kept = "two values that the registers keep (0x{:04X},0x{:04X})".format(*usual.values)
@@ -94,12 +83,12 @@ def add_options(parser: argparse.ArgumentParser, seconds: Callable) -> None:
         use, default = "read" if kind == "input" else "write", getattr(usual, f"{kind}s")
         add(f"--{kind}", type=address, default=0, help=f"first {kind} to {use}, on-wire (0)")
         count = f"number of {kind}s to {use} ({default})"
-        add(f"--{kind}s", type=number(1, 0x10000), default=default, help=count)
+        add(f"--{kind}s", type=number(1, 0x10000, "the count"), default=default, help=count)
         add(f"--no-{kind}", type=address, default=0xFFF0, help=f"address without {kind} (0xFFF0)")
     unknown = "a function that the slave does not have (45)"
-    add("--unknown", type=number(1, 127), default=45, help=unknown)
+    add("--unknown", type=number(1, 127, "the function"), default=45, help=unknown)
     codes = f"exception codes of the slave's own document, for {', '.join(REASONS)}"
-    add("--own-codes", type=list_of(own_code), default=(), metavar="REASON=CODE,...", help=codes)
+    add("--own-codes", type=list_of(own_code(number)), default=(), metavar="REASON=CODE,...", help=codes)
     add("--yes", action="store_true", help="no question")
     add("--report", type=Path, metavar="FILE", help="a page (.html) or data (.json) with every test")
 

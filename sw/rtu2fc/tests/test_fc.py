@@ -12,6 +12,7 @@ import pytest
 from sim.card.run_card import ROOT
 from sim.drive.drive_table import read_capacity, read_profile
 from sw.rtu2fc import fc
+from sw.rtu2fc.capture import Heard
 from tb.model import fc_telegram
 
 VLT6000 = {p.pnu: p for p in read_profile(ROOT / "sim/drive/vlt6000.csv", read_capacity()).parameters}
@@ -42,7 +43,7 @@ def shown(*sent: tuple, drive: str = "vlt6000") -> Shown:
         now += after
         for at, byte in enumerate(data):
             now += gaps.get(at, 0)
-            line.character(fc.Character(now, now + 1, byte, "parity" if at in wrong else ""))
+            line.character(Heard(now, now + 1, byte, fault="parity" if at in wrong else ""))
             now += 1
     line.end()
     return line
