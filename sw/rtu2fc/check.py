@@ -68,7 +68,14 @@ def add_options(parser: argparse.ArgumentParser, number: Callable, yes_no: Calla
     speed = number(1, 100, "the speed")
     parser.add_argument("--start", type=speed, default=0, help="START THE MOTOR at this percentage")
     parser.add_argument("--yes", action="store_true", help="no question")
-    parser.add_argument("--row", default="", help="only rows with this in their title")
+    parser.add_argument("--row", type=in_titles, default="", help="only rows with this in their title")
+
+
+def in_titles(text: str) -> str:
+    titles = (OTHERS, *(title for _, title in (*TIMES, BOOT, *MOTOR)), *(row.title for row in ROWS))
+    if not any(text.lower() in title.lower() for title in titles):
+        raise argparse.ArgumentTypeError(f"no row has '{text}' in its title")
+    return text
 
 
 class Check:

@@ -71,6 +71,19 @@ def percent(text: str) -> float:
     raise argparse.ArgumentTypeError(f"the reference is -199 to 199 %, not '{text}'")
 
 
+def output(text: str) -> Path:
+    """A file that is written at the end, perhaps hours later: it is opened now, and left as it is."""
+    path = Path(text)
+    there = path.exists()
+    try:
+        path.open("a").close()
+    except OSError as error:
+        raise argparse.ArgumentTypeError(f"{path}: {error.strerror}") from None
+    if not there:
+        path.unlink()
+    return path
+
+
 def yes_no(text: str) -> bool:
     return one_of(("yes", "no"), "the answer")(text) == "yes"
 
@@ -168,7 +181,7 @@ def build() -> argparse.ArgumentParser:
         help="ends after so many seconds",
     )
     one.add_argument("--csv", type=Path, metavar="FILE", help="log of all values")
-    one.add_argument("--plot", type=Path, metavar="FILE.svg", help="picture of all values, at the end")
+    one.add_argument("--plot", type=output, metavar="FILE.svg", help="picture of all values, at the end")
     one = add("parameters", commands.table, "the table of a drive's parameters, without a port")
     one.add_argument("word", nargs="?", default="", help="only those with this in number or name")
     drive_option(one)
@@ -182,7 +195,7 @@ def build() -> argparse.ArgumentParser:
     one.add_argument("--dialect", type=dialect, default="auto", help="whose exceptions; default: card")
     drive_option(one)
     one = add("grade", graded, "the numbered tests of any Modbus RTU slave; they write", slave)
-    grade.add_options(one, number, seconds)
+    grade.add_options(one, number, seconds, output)
     one = add("switches", commands.switch_positions, "the positions of the card's switches, as a picture")
     one.add_argument("baud", type=baud, help="bit/s")
     one.add_argument("format", type=form, help="data bits, parity, stop bits: 8N2")
@@ -268,6 +281,9 @@ def main(arguments: list[str] | None = None) -> int:
     except BrokenPipeError:  # the reader of the output has stopped
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
         return 1
+    except OSError as error:  # a file that an option names
+        code = MISUSE
+        screen.problem(args.command, Problem(f"{error.filename}: {error.strerror}"))
     finally:
         for one, handler in before.items():
             signal.signal(one, handler)

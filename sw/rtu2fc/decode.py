@@ -247,8 +247,6 @@ def rows_of(args: argparse.Namespace, screen: Screen) -> list[Row]:
             return list(log_rows(args.file))
         if args.file.suffix == ".pcapng":
             return list(pcapng_rows(args.file, drive, dialect))
-    except OSError as error:
-        raise Problem(f"{args.file}: {error.strerror}") from None
     except (ValueError, KeyError, TypeError, IndexError, AttributeError, struct.error):
         what = "log" if args.file.suffix == ".jsonl" else "capture"
         raise Problem(f"{args.file} is no {what} of both lines") from None

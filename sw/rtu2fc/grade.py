@@ -12,7 +12,6 @@ import json
 from collections import Counter
 from collections.abc import Callable
 from dataclasses import asdict
-from pathlib import Path
 
 from . import VERSION
 from .cases import BYTES, CASES, FUNCTIONS, REASONS, Heard, Profile, Send, own_codes
@@ -69,7 +68,9 @@ def own_code(number: Callable) -> Callable[[str], tuple[str, int]]:
     return read
 
 
-def add_options(parser: argparse.ArgumentParser, number: Callable, seconds: Callable) -> None:
+def add_options(
+    parser: argparse.ArgumentParser, number: Callable, seconds: Callable, output: Callable
+) -> None:
     address, usual = number(0, 0xFFFF, "the number"), Profile()
     add = parser.add_argument
     add("--timeout", type=seconds, default=0.5, help="longest wait for a reply in s (0.5)")
@@ -90,7 +91,7 @@ def add_options(parser: argparse.ArgumentParser, number: Callable, seconds: Call
     codes = f"exception codes of the slave's own document, for {', '.join(REASONS)}"
     add("--own-codes", type=list_of(own_code(number)), default=(), metavar="REASON=CODE,...", help=codes)
     add("--yes", action="store_true", help="no question")
-    add("--report", type=Path, metavar="FILE", help="a page (.html) or data (.json) with every test")
+    add("--report", type=output, metavar="FILE", help="a page (.html) or data (.json) with every test")
 
 
 def profile_of(given: argparse.Namespace) -> Profile:
@@ -179,8 +180,5 @@ def run(args: argparse.Namespace, screen: Screen, line: Line) -> int:
         title = f"Modbus RTU slave, unit {profile.unit}, {profile.fmt}"
         is_page = args.report.suffix == ".html"
         data = page(title, summary, found) if is_page else json.dumps(screen.result, indent=1)
-        try:
-            args.report.write_text(data, encoding="utf-8")
-        except OSError as error:
-            raise Problem(f"{args.report}: {error.strerror}") from None
+        args.report.write_text(data, encoding="utf-8")
     return FAILED if counts[FAIL] else DONE

@@ -104,6 +104,8 @@ def _refused(error: Exception, name: str, baud: int, form: str) -> PortError:
         return PortError(f"there is no {name}", f"Ports of this computer: {there}")
     if number == errno.EACCES:
         return PortError(f"no permission for {name}: join the group that owns it, often dialout")
+    if "://" in name:
+        return PortError(f"{name} cannot be opened: {text.rpartition(': ')[2]}")
     if number == errno.EINVAL:
         return PortError(f"{name} refuses {baud} {form}{'; a pty takes no parity' if form[1] != 'N' else ''}")
     return PortError(f"{name} is no serial port that can be opened")
@@ -144,10 +146,7 @@ class Line:
         self._began, self._quiet_at = time.monotonic(), 0.0
         self._record = None
         if record is not None:
-            try:
-                self._record = record.open("w", encoding="ascii")
-            except OSError as error:
-                raise Problem(f"{record}: {error.strerror}") from None
+            self._record = record.open("w", encoding="ascii")
             self._note({"rtu2fc": VERSION, "port": self.name, "baud": baud, "format": form})
 
     def close(self) -> None:
@@ -226,8 +225,6 @@ class Replay(Line):
                 )
                 for entry in self._left
             ]
-        except OSError as error:
-            raise Problem(f"{file}: {error.strerror}") from None
         except (ValueError, KeyError, TypeError, AttributeError):
             raise Problem(f"{file} is no record of rtu2fc (--record)") from None
         super().__init__(self, baud, form)

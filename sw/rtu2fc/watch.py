@@ -15,7 +15,7 @@ from rich.live import Live
 from rich.table import Table
 
 from .card import Card, Parameter, parameter
-from .problem import DONE, NoAnswer, Problem, Refused
+from .problem import DONE, NoAnswer, Refused
 from .screen import Screen
 
 BARS = "▁▂▃▄▅▆▇█"
@@ -103,11 +103,7 @@ def csv_rows(path: Path | None, series: list[Series]) -> Iterator[object]:
     if path is None:
         yield lambda at: None
         return
-    try:
-        file = path.open("w", newline="", encoding="utf-8")
-    except OSError as error:
-        raise Problem(f"{path}: {error.strerror}") from None
-    with file:
+    with path.open("w", newline="", encoding="utf-8") as file:
         rows = csv.writer(file)
         rows.writerow(["seconds", *(f"{one.one} {one.one.unit}".strip() for one in series)])
 
@@ -154,10 +150,7 @@ def watch(args: argparse.Namespace, screen: Screen, card: Card) -> int:
         screen.say(f"{one.one}: {min(one.numbers):.6g} to {max(one.numbers):.6g} {one.one.unit}".rstrip())
         screen.say(trend)
     if args.plot:
-        try:
-            args.plot.write_text(svg(series), encoding="utf-8")
-        except OSError as error:
-            raise Problem(f"{args.plot}: {error.strerror}") from None
+        args.plot.write_text(svg(series), encoding="utf-8")
         screen.say(f"plot: {args.plot}")
     screen.result["readings"] = len(series[0].times)
     return DONE
