@@ -5,7 +5,7 @@ No row starts or stops a motor, unless --start PERCENT asks for it. The table of
 are those that measure, wait or need more than one address. At the end registers 40002 and 40003 get their
 former values; the index and coil 65 become 0. With --drive yes coils 1-32 become 0; after --start the ramp
 stop remains in them. An adapter may add 16 ms to each answer. It cannot see t1.5, DE or single bits. Rules:
-those that the rows name.
+those that the rows name with --rules.
 """
 
 from __future__ import annotations
@@ -69,6 +69,9 @@ def add_options(parser: argparse.ArgumentParser, number: Callable, yes_no: Calla
     parser.add_argument("--start", type=speed, default=0, help="START THE MOTOR at this percentage")
     parser.add_argument("--yes", action="store_true", help="no question")
     parser.add_argument("--row", type=in_titles, default="", help="only rows with this in their title")
+    parser.add_argument(
+        "--rules", action="store_true", help="the rule of each row (docs/reference/requirements.md)"
+    )
 
 
 def in_titles(text: str) -> str:
@@ -90,7 +93,8 @@ class Check:
     # ------------------------------------------------------------ one row
 
     def row(self, mark: str, rule: str, title: str, remark: str = "") -> None:
-        self.screen.row(mark, f"{rule:<8} {title}{': ' if remark else ''}{remark}", indent=11)
+        named = f"{rule:<8} " if self.args.rules else ""
+        self.screen.row(mark, f"{named}{title}{': ' if remark else ''}{remark}", indent=len(named) + 2)
         self.rows.append({"passed": {TICK: True, CROSS: False}.get(mark), "rule": rule, "title": title,
                           "remark": remark})  # fmt: skip
 

@@ -40,7 +40,7 @@ STARTS, STOPS = bytes.fromhex("0F 0000 0020 04 7C04 6606"), bytes.fromhex("0F 00
 
 
 def options(**given: object) -> argparse.Namespace:
-    usual = {"row": "", "with_drive": False, "boot": False, "start": 0}
+    usual = {"row": "", "with_drive": False, "boot": False, "start": 0, "rules": False}
     return argparse.Namespace(**usual | given)
 
 
@@ -83,7 +83,7 @@ class ModelLine:
 
 def rows_of(output: str) -> dict[str, str]:
     """Title and remark of each printed row to its mark."""
-    return {text: mark for mark, text in re.findall(r"^  ([✓✗-]) \S+ +(.*)$", output, re.MULTILINE)}
+    return {text: mark for mark, text in re.findall(r"^  ([✓✗-]) (.*)$", output, re.MULTILINE)}
 
 
 def refused(function, *arguments: object) -> bool:
@@ -114,6 +114,19 @@ def test_the_models_pass_every_row(dialect, drive, capsys):
     asked = [row for row in ROWS if dialect in row.dialects and row.needs != needs]
     assert marks.count("✗") == 0
     assert marks.count("✓") == len(asked) + 5, "and the five rows that are no table"
+
+
+def test_the_rows_of_the_page_are_those_of_the_program(capsys):
+    """docs/guide/bring-up.md, step 3; with --rules each row has its rule, too."""
+    page = (ROOT / "docs/guide/bring-up.md").read_text().partition("### 3.")[2].partition("### 4.")[0]
+
+    def titles(output: str) -> list[str]:
+        return [text.split(": ")[0] for text in rows_of(output)]
+
+    ask(ModelLine("card", None, unit=1), unit=1)
+    assert titles(capsys.readouterr().out) == titles(page)
+    ask(ModelLine("card", None), rules=True)
+    assert all(re.match(r"[A-Z]+(-\d+)? +\S", title) for title in titles(capsys.readouterr().out))
 
 
 @pytest.mark.parametrize("dialect", DIALECTS)
@@ -308,7 +321,7 @@ def test_the_motor_turns_and_stops_only_when_asked(capsys, monkeypatch):
     output = capsys.readouterr().out
     assert crosses(output) == []
     assert re.search(
-        r"✓ FC-5 +the motor turns: status word 0[EF]03h"
+        r"✓ the motor turns: status word 0[EF]03h"
         r" \(Control ready, Drive ready,.* running\), output frequency \d",
         output,
     )
