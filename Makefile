@@ -292,12 +292,10 @@ portability: firmware | setup-synth ## the card in other people's tools: Yosys's
 .PHONY: regs regs-check diagrams symptoms docs datasheet pictures
 regs: | setup-test ## everything derived from regs/
 	@$(RUN) regs.regs
-	@$(RUN) sim.view.fc_tables
 	@$(RUN) tools.handbook
 
 regs-check: | setup-test ## fail when something derived from regs/ has drifted
 	@$(RUN) regs.regs --check
-	@$(RUN) sim.view.fc_tables --check
 	@$(RUN) tools.handbook --check
 
 diagrams: firmware | setup-test ## timing diagrams from runs of the card: build/diagrams

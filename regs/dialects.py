@@ -41,7 +41,6 @@ class Dialect:
 class Option:
     name: str
     about: str
-    small: bool = True
     most: int = 1
     unit: str = ""
     tried: int = 1
@@ -161,19 +160,17 @@ def python_rows() -> list[str]:
 
 def make_rows() -> list[str]:
     """Folders of the images, and what each is built with."""
-    measured = [name for name, option in OPTIONS.items() if not option.small]
     lines = [
         f"FIRMWARE_DIALECTS := {' '.join(name for name in DIALECTS if name != DEFAULT)}",
         "FIRMWARE_FOLDERS := build $(FIRMWARE_DIALECTS:%=build/%)",
         "FIRMWARE_LARGE := build/large $(FIRMWARE_DIALECTS:%=build/large/%)",
-        f"FIRMWARE_FIT := $(addprefix build/fit/,{' '.join([*DIALECTS, *measured])})",
     ]
     for image in IMAGES.values():
         folders = " ".join(f"build/{image.folder(name)}" for name in image.dialects)
         lines.append(f"FIRMWARE_{'LARGE' if image.name.startswith('large/') else 'FOLDERS'} += {folders}")
         values = " ".join(f"-D{option}={value}" for option, value in image.set.items())
         lines.append(f"build/{image.name}/%: FIRMWARE_BY_NAME := {values}")
-    return [*lines, *(f"build/fit/{name}/%: FIRMWARE_BY_NAME := -D{name}=1" for name in measured)]
+    return lines
 
 
 ROWS = {

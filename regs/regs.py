@@ -6,6 +6,7 @@
 
 From the mailbox map: C header, linker symbols, Python constants, Markdown page.
 From the card tables: Verilog table, Python tables, C++ tables (LINE-2, LINE-3, FRAME-1, FC-8).
+From the words of the FC protocol: texts of the dissector, of `rtu2fc decode` and of the virtual card.
 From the dialects: the rows of regs/dialects.py in other files.
 From the configurations: one file of Verilog macros each, the defaults of the top's parameters (TOP-2).
 From the list of Verilog files: the lists in the .core files for FuseSoC.
@@ -13,8 +14,6 @@ From the version of the release: a C header (MAP-10), the versions in the .core 
 packages.
 """
 
-import argparse
-import difflib
 import math
 import re
 import sys
@@ -29,8 +28,8 @@ from peakrdl_markdown import MarkdownExporter
 from systemrdl import RDLCompiler
 from systemrdl.node import FieldNode, RegNode
 
-from regs import dialects
-from rtl.command import run_main
+from regs import dialects, fc
+from rtl.command import run_main, write_files
 from rtl.sources import needed_files, rtl_files
 
 ROOT = Path(__file__).resolve().parents[1]
@@ -638,7 +637,7 @@ def generate() -> dict[str, str]:
         f"regs/generated/config_{name}.v": config_macros(name, entry) for name, entry in configs.items()
     }
     files |= {name: with_version(name, pattern) for name, pattern in PACKAGES.items()}
-    files |= dialects.generate()
+    files |= dialects.generate() | fc.generate()
     lists = core_lists()
     for path in (*sorted(ROOT.glob("*.core")), ROOT / EXAMPLE):
         files[str(path.relative_to(ROOT))] = with_version_and_list(path, lists.get(path.stem))
@@ -646,27 +645,8 @@ def generate() -> dict[str, str]:
 
 
 def main() -> int:
-    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
-    parser.add_argument("--check", action="store_true", help="compare only, exit 1 on a difference")
-    check = parser.parse_args().check
-    drifted = 0
-    for name, text in generate().items():
-        path = ROOT / name
-        old = path.read_text() if path.exists() else ""
-        if old == text:
-            continue
-        if check:
-            drifted += 1
-            print(f"{name} differs from its source; run `make regs`", file=sys.stderr)
-            diff = difflib.unified_diff(
-                old.splitlines(), text.splitlines(), "now", "generated", lineterm="", n=0
-            )
-            print("\n".join(list(diff)[:20]), file=sys.stderr)
-        else:
-            path.parent.mkdir(parents=True, exist_ok=True)
-            path.write_text(text)
-            print(f"wrote {name}")
-    return 1 if drifted else 0
+    files = {ROOT / name: text for name, text in generate().items()}
+    return write_files("regs", __doc__, files, "make regs")
 
 
 if __name__ == "__main__":

@@ -55,6 +55,22 @@ def run_main(name: str, main: Callable[[], int | None], *errors: type[Exception]
         sys.exit(STOPPED)
 
 
+def write_files(name: str, about: str, files: dict[Path, str], make: str) -> int:
+    """The command of a generator: writes the files that differ, or with --check names them."""
+    parser = Parser(prog=name, description=about.splitlines()[0])
+    parser.add_argument("--check", action="store_true", help="compare only, exit 1 on a difference")
+    check = parser.parse_args().check
+    old = [path for path, text in files.items() if not path.exists() or path.read_text() != text]
+    for path in old:
+        shown = path.relative_to(VERSION.parent)
+        if check:
+            print(f"{shown} differs from its source; run `{make}`", file=sys.stderr)
+        else:
+            path.write_text(files[path])
+            print(f"wrote {shown}")
+    return 1 if old and check else 0
+
+
 def _end_by_ctrl_c() -> None:
     """For a worker process: Ctrl-C ends it silently; its parent prints the line."""
     signal.signal(signal.SIGINT, signal.SIG_DFL)

@@ -5,13 +5,11 @@
 FIRMWARE_CROSS ?= riscv64-unknown-elf-
 FIRMWARE_PYTHON ?= python3
 # Each dialect has an image in a folder of its own; the image of the card dialect is in build. Images with another option
-# are below a folder that names it. FIRMWARE_FIT: linked to be measured only, what the small card would need
-# (sw/tools/fit.py).
+# are below a folder that names it.
 # From regs/dialects.toml by make regs: images
 FIRMWARE_DIALECTS := builtin hvac_basic
 FIRMWARE_FOLDERS := build $(FIRMWARE_DIALECTS:%=build/%)
 FIRMWARE_LARGE := build/large $(FIRMWARE_DIALECTS:%=build/large/%)
-FIRMWARE_FIT := $(addprefix build/fit/,card builtin hvac_basic STATUS_REFRESH MASTER_LOSS_STOP DIAGNOSTICS)
 FIRMWARE_FOLDERS += build/refresh
 build/refresh/%: FIRMWARE_BY_NAME := -DSTATUS_REFRESH=1
 FIRMWARE_FOLDERS += build/norefresh/builtin build/norefresh/hvac_basic
@@ -24,9 +22,6 @@ FIRMWARE_FOLDERS += build/delay20
 build/delay20/%: FIRMWARE_BY_NAME := -DREPLY_DELAY=20
 FIRMWARE_LARGE += build/large/all build/large/all/builtin build/large/all/hvac_basic
 build/large/all/%: FIRMWARE_BY_NAME := -DSTATUS_REFRESH=1 -DMASTER_LOSS_STOP=1 -DDIAGNOSTICS=1
-build/fit/STATUS_REFRESH/%: FIRMWARE_BY_NAME := -DSTATUS_REFRESH=1
-build/fit/MASTER_LOSS_STOP/%: FIRMWARE_BY_NAME := -DMASTER_LOSS_STOP=1
-build/fit/DIAGNOSTICS/%: FIRMWARE_BY_NAME := -DDIAGNOSTICS=1
 # end of images
 # Build options, such as -DSTATUS_REFRESH=1; see sw/include/options.h.
 FIRMWARE_DEFINES ?=
@@ -64,14 +59,12 @@ FIRMWARE_ELFS := $(FIRMWARE_FOLDERS:%=%/firmware.elf) $(FIRMWARE_TINY).elf
 # in every dialect.
 FIRMWARE_ELFS += $(FIRMWARE_LARGE:%=%/firmware.elf)
 FIRMWARE_CONFIG := standard
-build/fit/%: FIRMWARE_CONFIG := tiny
 # The small card has one core (rtl/soft_core.v).
 FIRMWARE_LOCKSTEP = $(if $(filter tiny,$(FIRMWARE_CONFIG)),0,1)
 $(FIRMWARE_TINY).elf $(FIRMWARE_TINY).hex: FIRMWARE_CONFIG := tiny
 FIRMWARE_MEMORY = $(call firmware_config,$(FIRMWARE_CONFIG),memory_bytes)
 build/large/%: FIRMWARE_MEMORY = $(shell $(FIRMWARE_PYTHON) -c 'import tomllib; \
 	print(tomllib.load(open("constraints/boards.toml", "rb"))["card-gw1n-9"]["memory_bytes"])')
-build/fit/%: FIRMWARE_MEMORY := 16384
 firmware: $(FIRMWARE_ELFS:.elf=.hex)
 
 # A folder with the name of a dialect has its image, any other folder that of the dialect card.
@@ -84,7 +77,7 @@ build/firmware.options: firmware-options
 	@mkdir -p $(@D)
 	@echo '$(FIRMWARE_DEFINES)' | cmp -s - $@ || echo '$(FIRMWARE_DEFINES)' >$@
 
-$(FIRMWARE_ELFS) $(FIRMWARE_FIT:%=%/firmware.elf): $(FIRMWARE_CARD) $(FIRMWARE_SOURCES) $(FIRMWARE_HEADERS) sw/port/card/link.ld \
+$(FIRMWARE_ELFS): $(FIRMWARE_CARD) $(FIRMWARE_SOURCES) $(FIRMWARE_HEADERS) sw/port/card/link.ld \
 		regs/generated/frames.ld sw/firmware.mk configs.toml build/firmware.options | $(SETUP)
 	@mkdir -p $(@D)
 	$(FIRMWARE_CROSS)gcc $(FIRMWARE_CFLAGS) $(FIRMWARE_CARD_CFLAGS) -DLOCKSTEP=$(FIRMWARE_LOCKSTEP) $(FIRMWARE_OPTIONS) \

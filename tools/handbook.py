@@ -11,14 +11,12 @@ compares them with the card.
 
 from __future__ import annotations
 
-import argparse
 import re
-import sys
 from collections.abc import Callable
 from pathlib import Path
 
 from campaigns.masters import page as masters
-from rtl.command import run_main
+from rtl.command import run_main, write_files
 from rtl.sources import ROOT
 from tools import dialect_tables
 from tools.handbook_examples import HandbookError, example_list, worked_examples
@@ -72,18 +70,7 @@ def pages() -> dict[Path, str]:
 
 
 def main() -> int:
-    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
-    parser.add_argument("--check", action="store_true", help="compare only, exit 1 on a difference")
-    check = parser.parse_args().check
-    changed = [(path, text) for path, text in pages().items() if path.read_text() != text]
-    for path, text in changed:
-        name = path.relative_to(ROOT)
-        if check:
-            print(f"{name} differs from its sources; run `make regs`", file=sys.stderr)
-        else:
-            path.write_text(text)
-            print(f"wrote {name}")
-    return 1 if changed and check else 0
+    return write_files("handbook", __doc__, pages(), "make regs")
 
 
 if __name__ == "__main__":

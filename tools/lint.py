@@ -48,7 +48,7 @@ LAYERS = (
     ("sw.rtu2fc", "sw.conformance"),
     ("tb.agents",),
 )
-GENERATORS = ("regs.regs", "sim.view.fc_tables", "constraints.boards", "tools.handbook", "tools.pictures")
+GENERATORS = ("regs.regs", "constraints.boards", "tools.handbook", "tools.pictures")
 SUFFIXES = {
     ".v",
     ".vh",

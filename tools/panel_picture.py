@@ -14,10 +14,9 @@ import asyncio
 import json
 import os
 import re
-import sys
 from collections.abc import Iterator
 
-from rtl.command import Parser, run_main
+from rtl.command import run_main, write_files
 from rtl.sources import ROOT
 from sim.card.panel import Panel, View
 
@@ -68,17 +67,7 @@ def picture() -> str:
 
 
 def main() -> int:
-    parser = Parser(prog="panel-picture", description=__doc__.splitlines()[0])
-    parser.add_argument("--check", action="store_true", help="compare instead of writing")
-    check = parser.parse_args().check
-    name, text = PICTURE.relative_to(ROOT), picture()
-    if not check:
-        PICTURE.write_text(text)
-        print(f"wrote {name}")
-    elif not PICTURE.exists() or PICTURE.read_text() != text:
-        print(f"{name} differs from the panel; run `make pictures`", file=sys.stderr)
-        return 1
-    return 0
+    return write_files("panel-picture", __doc__, {PICTURE: picture()}, "make pictures")
 
 
 if __name__ == "__main__":

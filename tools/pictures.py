@@ -11,14 +11,13 @@ the pins of a board from its pin file. So a picture cannot differ from the text 
 from __future__ import annotations
 
 import json
-import sys
 from collections.abc import Callable
 from functools import partial
 from pathlib import Path
 
 from constraints.boards import Board, boards
 from regs.generated.card_tables import EXTENDED_FORMATS, EXTENDED_RATES, FORMATS, RATES, Format
-from rtl.command import Parser, run_main
+from rtl.command import run_main, write_files
 from rtl.sources import ROOT
 from tools.handbook import rows
 from tools.svg import WIDTH, Picture, PictureError
@@ -539,18 +538,7 @@ def files() -> dict[Path, str]:
 
 
 def main() -> int:
-    parser = Parser(prog="pictures", description=__doc__.splitlines()[0])
-    parser.add_argument("--check", action="store_true", help="compare instead of writing")
-    check = parser.parse_args().check
-    old = [path for path, text in files().items() if not path.exists() or path.read_text() != text]
-    for path in old:
-        name = path.relative_to(ROOT)
-        if check:
-            print(f"{name} differs from its tables; run `make pictures`", file=sys.stderr)
-        else:
-            path.write_text(files()[path])
-            print(f"wrote {name}")
-    return 1 if old and check else 0
+    return write_files("pictures", __doc__, files(), "make pictures")
 
 
 if __name__ == "__main__":

@@ -1,22 +1,12 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Generates the texts of the FC protocol for dissector, decoder and virtual card.
-
-    python -m sim.view.fc_tables            writes the generated files
-    python -m sim.view.fc_tables --check    exits 1 and names every outdated file
-
-Source: regs/fc.toml. Results: words of the Wireshark dissector, of `rtu2fc decode` and of the virtual card.
-"""
+"""The texts of the FC protocol for dissector, decoder and virtual card, from regs/fc.toml."""
 
 from __future__ import annotations
 
-import argparse
-import sys
 import tomllib
 from pathlib import Path
 
-from rtl.command import run_main
-
-ROOT = Path(__file__).resolve().parents[2]
+ROOT = Path(__file__).resolve().parents[1]
 WORDS = "regs/fc.toml"
 # Texts of a bit that mean nothing without its name, and those that only deny.
 BARE = ("1", "yes", "on", "ready", "possible", "warning", "at the limit", "in range")
@@ -114,26 +104,3 @@ def generate() -> dict[str, str]:
         "regs/generated/fc_words.h": cpp(words),
         "sw/rtu2fc/tables.py": python(words),
     }
-
-
-def main() -> int:
-    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
-    parser.add_argument("--check", action="store_true", help="compare only, exit 1 on a difference")
-    check = parser.parse_args().check
-    drifted = 0
-    for name, text in generate().items():
-        path = ROOT / name
-        if path.exists() and path.read_text() == text:
-            continue
-        if check:
-            drifted += 1
-            print(f"{name} differs from its source; run `make regs`", file=sys.stderr)
-        else:
-            path.parent.mkdir(parents=True, exist_ok=True)
-            path.write_text(text)
-            print(f"wrote {name}")
-    return 1 if drifted else 0
-
-
-if __name__ == "__main__":
-    run_main("fc_tables", main)
