@@ -5,6 +5,7 @@ from __future__ import annotations
 
 import os
 import re
+from pathlib import Path
 
 import pytest
 
@@ -12,6 +13,8 @@ from formal import pins as formal_pins
 from formal import prove as formal
 from rtl import cache
 from rtl.sources import ROOT
+from tb.lib.nightly import first
+from tb.lib.planted import bugs
 
 RULES = {
     "bcc": ["FC-1"],
@@ -66,54 +69,28 @@ def test_every_cover_is_reached(task: formal.Task) -> None:
     assert formal.run_once(task).passed, task.errors
 
 
-# Promise that breaks, file of the gate, the code and what it becomes.
-BUGS = {
-    "the telegram of a revoked candidate": (
-        *("a_committed", "telegram_slot"),
-        *("early ? is_candidate || is_committed : !is_candidate", "1'b1"),
-    ),
-    "the image as it was": ("a_as_it_is", "telegram_slot", "state != S_QUEUED && outdated", "1'b0"),
-    "a start bit in the stop": ("a_no_start", "telegram_slot", "stop <= grants_stop;", "stop <= 1'b0;"),
-    "a telegram that was written": (
-        *("a_untouched", "commit_gate"),
-        *(".touched(telegram_touched),", ".touched(1'b0),"),
-    ),
-    "a licence of a candidate": (
-        *("a_telegram_leaves", "licences"),
-        *("commits && writes_coils;", "(commits || unanswered) && writes_coils;"),
-    ),
-    "a licence that a reading takes": (
-        *("a_stays", "licences"),
-        *(".load (renews_image || used_image ||", ".load (commits ||"),
-    ),
-}
-LATER = {bug: [] if bug == "the image as it was" else [pytest.mark.nightly] for bug in BUGS}
-
-
-@pytest.mark.parametrize("bug", [pytest.param(bug, marks=marks) for bug, marks in LATER.items()])
+@pytest.mark.parametrize("bug", first(bugs("proof")), ids=lambda bug: bug.name)
 def test_a_broken_gate_breaks_a_promise(bug, monkeypatch) -> None:
     """From reset on, so without the help of what induction needs to know."""
-    promise, module, old, new = BUGS[bug]
-    text = (ROOT / f"rtl/gate/{module}.v").read_text()
-    assert text.count(old) == 1
+    module = Path(bug.file).stem
     # In the tree's own build folder, for the tools see nothing outside of it.
     monkeypatch.setattr(formal, "WORK", formal.WORK / f"broken-{os.getpid()}")
     broken = ROOT / formal.WORK / f"{module}.v"
     broken.parent.mkdir(parents=True, exist_ok=True)
-    broken.write_text(text.replace(old, new))
+    broken.write_text(bug.planted())
     if module == "commit_gate":
         monkeypatch.setattr(formal, "source", lambda module: broken)
     formal.join("commit_gate")
     script = formal.script("commit_gate", "prove_stop")
     for part, becomes in (
-        (f"rtl/gate/{module}.v", f"{formal.WORK}/{module}.v"),
+        (bug.file, f"{formal.WORK}/{module}.v"),
         ("mode prove\ndepth 3", "mode bmc\ndepth 12"),
         ("prep -top commit_gate", "prep -top commit_gate\nchformal -remove c:i_*"),
     ):
         script = script.replace(part, becomes)
     (task,) = (task for task in formal.tasks_of("commit_gate") if task.name == "prove_stop")
     formal.run(task, script)
-    assert not task.passed and f"commit_gate.{promise} " in task.errors
+    assert not task.passed and f"commit_gate.{bug.seen['proof']} " in task.errors
 
 
 def pins_of(module: str, name: str, more: str, monkeypatch) -> str:

@@ -55,12 +55,12 @@ def minutes(seconds: float) -> str:
 
 
 def plant_rows(found: dict[str, int | None]) -> list[str]:
-    """A row for each planted bug, in the order of plants.py."""
+    """A row for each planted bug, in the order of tb/planted.toml."""
     lacking = [plant.name for plant in PLANTS if plant.name not in found]
     if lacking:
         raise PageError(f"no result of {', '.join(lacking)}; run `make fuzz-plants` again")
     return [
-        f"| {plant.name} | {plant.description} | "
+        f"| {plant.name} | {', '.join(plant.rules)}: {plant.what} | "
         + ("not found" if found[plant.name] is None else f"{found[plant.name]:,}")
         + " |"
         for plant in PLANTS

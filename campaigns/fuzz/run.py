@@ -31,7 +31,7 @@ from campaigns.bench import fingerprint
 from campaigns.fuzz import case_file
 from campaigns.fuzz.case import Pace, Played, clk_hz, own_pace
 from campaigns.fuzz.case_file import CaseError
-from campaigns.fuzz.plants import PLANTS, PlantError, named
+from campaigns.fuzz.plants import PLANTS, PlantError, card_with, named
 from campaigns.fuzz.shrink import shrink
 from campaigns.fuzz.traffic import make
 from campaigns.fuzz.trial import run
@@ -218,7 +218,7 @@ def plants(names: list[str], seed: int, count: int, bauds: tuple[int, ...]) -> i
                 seed,
                 count,
                 bauds=bauds,
-                target=plant.target(),
+                target=card_with(plant),
                 folder=Path(folder),
                 small=False,
                 stop_at=1,

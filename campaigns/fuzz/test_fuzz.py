@@ -22,7 +22,7 @@ from campaigns.fuzz import report as fuzz_report
 from campaigns.fuzz import run as fuzz
 from campaigns.fuzz.aftermath import asked, possible_frames
 from campaigns.fuzz.case import Pace, Played, clk_hz, own_pace
-from campaigns.fuzz.plants import PLANTS, named
+from campaigns.fuzz.plants import card_with, named
 from campaigns.fuzz.recorded import recorded_frames
 from campaigns.fuzz.run import CaseError, replay, shard, story
 from campaigns.fuzz.traffic import QUIET_PULSES_BITS, make
@@ -144,7 +144,7 @@ def test_possible_states_are_limited():
 @pytest.mark.rule("FRAME-3")
 @pytest.mark.parametrize("frames", [80, pytest.param(400, marks=pytest.mark.nightly)])
 def test_lenient_card_follows_the_lenient_rule(frames: int, tmp_path):
-    lenient = named("lenient-t15").target()
+    lenient = card_with(named("lenient-t15"))
     seed = seeded("lenient").randrange(1 << 31)
     result = shard(seed, frames, bauds=(38400,), target=lenient, folder=tmp_path, strict_t15=False)
     assert not result.differences
@@ -164,7 +164,7 @@ def test_lenient_card_follows_the_lenient_rule(frames: int, tmp_path):
 )
 def test_a_planted_bug_is_found(name, frames, tmp_path):
     result = shard(
-        1, frames, bauds=(38400,), target=named(name).target(), folder=tmp_path, small=False, stop_at=1
+        1, frames, bauds=(38400,), target=card_with(named(name)), folder=tmp_path, small=False, stop_at=1
     )
     print(f"{name}: {result.differences}")
     assert result.differences, f"{name} lived through {result.frames} frames"
@@ -177,7 +177,7 @@ def test_a_firmware_that_puts_a_command_into_every_parameter_commands_nothing():
     read = {"what": "legal", "gap": ["idle", 20.0], "bytes": with_crc(bytes.fromhex("01 03 1413 0002")).hex()}
     start = {"what": "legal", "gap": ["idle", 400.0], "bytes": START.hex()}
     case = {**make("1/1", (38400,)), "form": "8E1", "address": 1, "dialect": "card", "profile": "vlt6000"}
-    _, played = run({**case, "events": [read, start]}, named("command-in-a-parameter").target())
+    _, played = run({**case, "events": [read, start]}, card_with(named("command-in-a-parameter")))
     words = [(len(burst.data), int.from_bytes(burst.data[-5:-3], "big")) for burst in played.telegrams]
     # The parameter's two attempts carry the planted word without bit 10; the drive refuses them.
     assert words[:2] == [(16, 0x007C)] * 2
@@ -185,14 +185,9 @@ def test_a_firmware_that_puts_a_command_into_every_parameter_commands_nothing():
     assert not [word for length, word in words if length == 16 and word & 0x0400]
 
 
-def test_every_plant_has_its_place():
-    for plant in PLANTS:
-        assert not plant.old or plant._changed() != (ROOT / plant.file).read_text(), plant.name
-
-
 @pytest.mark.nightly
 def test_difference_gives_a_small_replayable_case_and_a_waveform(tmp_path):
-    target = named("no-repeat").target()
+    target = card_with(named("no-repeat"))
     result = shard(1, 1500, bauds=(38400,), target=target, folder=tmp_path, stop_at=1)
     (found,) = result.differences
     assert found["events"] <= 3
@@ -565,7 +560,7 @@ def test_shard_stopped_while_shrinking_keeps_the_difference(tmp_path, monkeypatc
 
     monkeypatch.setattr(fuzz, "FOLDER", tmp_path)
     monkeypatch.setattr(fuzz, "shrink", stopped)
-    target = named("no-repeat").target()
+    target = card_with(named("no-repeat"))
     with pytest.raises(KeyboardInterrupt):
         shard(1, 1500, bauds=(38400,), target=target, folder=tmp_path, so_far=fuzz.keep)
     (found,) = fuzz_report.load(tmp_path / "fuzz-standard-1.json")["differences"]

@@ -4,10 +4,10 @@
     python -m campaigns.kills.run [--sample N|all] [--seed N] [--jobs N] [--only TEXT]
 
 A sample of the mutants that `make mutate` and `make mutate-firmware` try is drawn over all modules and files,
-at least one of each where the sample lasts. With them come every bug of campaigns/mutate/planted.toml and of
-campaigns/fuzz/plants.py, and every fault of campaigns/conformance/fixture.py. Only tests that `make test` or
-.ci/run runs count. The first one that fails is named: a test or proof of the changed module or file, or else
-of the whole card. A mutant that is proved to behave like the original is no finding.
+at least one of each where the sample lasts. With them come the bugs of tb/planted.toml that a test or the
+fuzzer must see, and every fault of campaigns/conformance/fixture.py. Only tests that `make test` or .ci/run
+runs count. The first one that fails is named: a test or proof of the changed module or file, or else of the
+whole card. A mutant that is proved to behave like the original is no finding.
 
 build/kills/matrix.json and matrix.tsv have a row for each. A run that was stopped goes on from there, unless
 a source has changed. Exit 1: nothing notices one of them.
@@ -31,15 +31,14 @@ from dataclasses import asdict, dataclass
 from pathlib import Path
 
 from campaigns.conformance.fixture import FAULTS, PROFILE, ModelLine
-from campaigns.fuzz.plants import PLANTS, Plant
 from campaigns.mutate import run as mutate
-from campaigns.mutate.planted import Planted, PlantedError, planted
 from rtl.command import Parser, run_main, threads
 from rtl.sources import ROOT
 from sw.rtu2fc.cases import CASES
 from sw.rtu2fc.engine import FAIL, grade
 from sw.test import mutate as firmware
 from tb.lib.options import at_least
+from tb.lib.planted import Bug, PlantError, bugs
 
 FOLDER = ROOT / "build/kills"
 MATRIX = FOLDER / "matrix.json"
@@ -138,32 +137,12 @@ def name_of(mutant: mutate.Mutant | firmware.Mutant) -> str:
     return f"{mutant.file}:{mutant.line} {mutant.change} (at {mutant.start})"
 
 
-def firmware_mutant(plant: Plant | Planted) -> firmware.Mutant:
-    """The bug as a mutant of the firmware. A build with an option is one that has it by default."""
-    file, old, new = plant.file, plant.old, plant.new
-    if not file:
-        option, value = plant.defines.removeprefix("-D").split("=")
-        file, old, new = "sw/include/options.h", f"#define {option} 0", f"#define {option} {value}"
-    place = one_place(plant.name, (ROOT / file).read_bytes(), old.encode())
-    file = os.path.relpath(file, "sw/src")
-    return firmware.Mutant(file, 0, "", place, place + len(old.encode()), old, new)
-
-
-def verilog_mutant(plant: Plant) -> mutate.Mutant:
-    """The bug as a mutant of a module. A card with another parameter is one that has it by default."""
-    file, old, new = plant.file, plant.old, plant.new
-    if not file:
-        ((parameter, value),) = plant.parameters
-        file = "rtl/rtu2fc.v"
-        old, new = f"parameter {parameter} = 1,", f"parameter {parameter} = {value},"
-    place = one_place(plant.name, (ROOT / file).read_text(), old)
-    return mutate.Mutant(Path(file).stem, 0, old, new, place, place + len(old), new)
-
-
-def one_place(name: str, text: str | bytes, old: str | bytes) -> int:
-    if text.count(old) != 1:
-        raise PlantedError(f"{name}: {text.count(old)} places instead of one")
-    return text.index(old)
+def as_mutant(bug: Bug) -> mutate.Mutant | firmware.Mutant:
+    """The bug as a mutant of the firmware or of a module."""
+    old, new, (start, end) = bug.old, bug.new, bug.place()
+    if bug.in_firmware:
+        return firmware.Mutant(os.path.relpath(bug.file, "sw/src"), 0, "", start, end, old, new)
+    return mutate.Mutant(Path(bug.file).stem, 0, old, new, start, end, new)
 
 
 def groups_of_mutants(sample: str, seed: int) -> list[tuple[int, list[Change]]]:
@@ -187,13 +166,9 @@ def groups_of_mutants(sample: str, seed: int) -> list[tuple[int, list[Change]]]:
 
 def groups_of_plants() -> list[tuple[int, list[Change]]]:
     """Every planted bug that is a change of the firmware or of a module, alone."""
-    kind = "fuzzer's bug"
-    found: list[Change] = [
-        (kind, plant.name, (firmware_mutant if plant.firmware else verilog_mutant)(plant), "")
-        for plant in PLANTS
-    ]
-    of_owner = [plant for plant in planted() if plant.in_firmware]
-    found += [("planted bug", plant.name, firmware_mutant(plant), plant.seen) for plant in of_owner]
+    found: list[Change] = [("fuzzer's bug", bug.name, as_mutant(bug), "") for bug in bugs("fuzz")]
+    in_firmware = [bug for bug in bugs("test") if bug.in_firmware]
+    found += [("planted bug", bug.name, as_mutant(bug), bug.seen["test"]) for bug in in_firmware]
     return [(1, [change]) for change in found]
 
 
@@ -236,9 +211,27 @@ def noticed_wider(tree: mutate.Tree, mutant: mutate.Mutant) -> str:
     return failed
 
 
-def run_planted(matrix: Matrix, plant: Planted) -> None:
-    failed = plant.failing_test()
-    matrix.add(Row("planted bug", plant.name, "noticed" if failed else "unnoticed", failed))
+def run_planted(matrix: Matrix, bug: Bug) -> None:
+    failed = failing_test(bug)
+    matrix.add(Row("planted bug", bug.name, "noticed" if failed else "unnoticed", failed))
+
+
+def failing_test(bug: Bug) -> str:
+    """Plants the bug in a copy of the project; the test that sees it there, and passes without it."""
+    copy, seen = mutate.Copy(bug.name), bug.seen["test"]
+    try:
+        icarus = ["--sim=icarus"] if "[" not in seen and seen.startswith("tb/") else []
+        command = [*mutate.IN_CI, *icarus, seen]
+        if failed := copy.failing_test(*command):
+            raise PlantError(f"{bug.name}: {failed} fails without the bug")
+        (copy.root / bug.file).write_text(bug.planted(copy.root))
+        if bug.then:
+            made = copy.run(sys.executable, "-m", bug.then)
+            if not made[0]:
+                raise PlantError(f"{bug.name}: {bug.then}: {made[1].splitlines()[-1]}")
+        return copy.failing_test(*command)
+    finally:
+        copy.remove()
 
 
 def run_firmware(matrix: Matrix, groups: list[tuple[int, list[Change]]]) -> None:
@@ -285,8 +278,7 @@ def tasks(matrix: Matrix, sample: str) -> list[Callable[[], None]]:
             matrix.wanted[kind] += left
             of_module = isinstance(mutant, mutate.Mutant)
             (modules.setdefault(mutant.module, []) if of_module else in_firmware).append((wanted, changes))
-    others = [plant for plant in planted() if not plant.in_firmware]
-    others = [plant for plant in others if matrix.lacks("planted bug", plant.name)]
+    others = [bug for bug in bugs("test") if not bug.in_firmware and matrix.lacks("planted bug", bug.name)]
     faults = [fault for fault in FAULTS if matrix.lacks("fault", fault)]
     matrix.wanted["planted bug"] += len(others)
     matrix.wanted["fault"] += len(faults)
@@ -296,7 +288,7 @@ def tasks(matrix: Matrix, sample: str) -> list[Callable[[], None]]:
     # The bench of the whole card takes longest.
     for module in sorted(modules, key=lambda module: (module != mutate.TOP, module)):
         found.append(lambda module=module: run_module(matrix, module, modules[module]))
-    found += [lambda plant=plant: run_planted(matrix, plant) for plant in others]
+    found += [lambda bug=bug: run_planted(matrix, bug) for bug in others]
     found.append(lambda: run_faults(matrix, faults))
     return found
 
@@ -322,7 +314,7 @@ def main(arguments: list[str] | None = None) -> int:
         for done in as_completed([pool.submit(task) for task in tasks(matrix, given.sample)]):
             try:
                 done.result()
-            except (SystemExit, PlantedError) as error:
+            except (SystemExit, PlantError) as error:
                 said = str(error).splitlines()
                 broken.append(" ".join(dict.fromkeys((said[0], said[-1]))))
                 print(f"kills: {broken[-1]}", file=sys.stderr, flush=True)
@@ -339,4 +331,4 @@ def main(arguments: list[str] | None = None) -> int:
 
 
 if __name__ == "__main__":
-    run_main("kills", main, PlantedError)
+    run_main("kills", main, PlantError)

@@ -22,6 +22,7 @@ from sw.test import fuzz as firmware_fuzz
 from sw.test import mutate as firmware_mutate
 from sw.test.host import DIALECTS, ROOT
 from sw.tools.stack import deepest, reserved
+from tb.lib.planted import Bug, bugs
 from tb.model.firmware import build
 
 pytestmark = pytest.mark.nightly("firmware")
@@ -53,93 +54,15 @@ def test_no_input_breaks_the_firmware(dialect: str, target: str, tmp_path: Path)
     assert result.runs >= RUNS[target]
 
 
-# Bug, fuzzer, file, the line in it, the line with the bug.
-BUGS = [
-    (
-        "bit 10 in a telegram that is about a parameter",
-        *(
-            "translate",
-            "telegram.c",
-            "    return finish(txn, at, 0, 0);",
-            "    return finish(txn, at, 0x0400, 0);",
-        ),
-    ),
-    (
-        "a run of coils that ends one too far",
-        *("translate", "coils.c", "quantity > CONTROL_COILS &&", "quantity > CONTROL_COILS + 1 &&"),
-    ),
-    (
-        "a text longer than the reply",
-        *("translate", "registers.c", "LIMIT_TEXT = 10", "LIMIT_TEXT = 11"),
-    ),
-    ("a byte beyond the drive's frame", "translate", "translate.c", "at < 24 ?", "at < 48 ?"),
-    (
-        "a BCC that is not the telegram's",
-        "translate",
-        "telegram.c",
-        "bcc ^= telegram[i];",
-        "bcc |= telegram[i];",
-    ),
-    (
-        "settings that change without a commit",
-        *("gateway", "request.c", "request & MAILBOX__REQUEST__COMMITTED_bm && g->state", "g->state"),
-    ),
-    (
-        "a held telegram that is not taken back for the image",
-        *("gateway", "exchange.c", "timed_out(g) || g->image_change != 0", "timed_out(g)"),
-    ),
-    (
-        "an old repeat that leaves with the licence of a newer command",
-        *("gateway", "exchange.c", "else if (g->state != REQUEST_PREPARED)", "else"),
-    ),
-    (
-        "an image that waits behind a parameter write",
-        *("gateway", "orders.c"),
-        "    if (g->image_change != 0)\n        start_image(g);",
-        "    if (g->image_change != 0 && !g->waiting[0])\n        start_image(g);",
-    ),
-    (
-        "an earlier image that takes the mark of a newer one away",
-        *("gateway", "orders.c"),
-        "is_ordered = g->exchange == EXCHANGE_LEAVING && g->at_drive == g->newest;",
-        "is_ordered = g->exchange == EXCHANGE_LEAVING;",
-    ),
-    (
-        "a broadcast of what was for this card alone",
-        *(
-            "gateway",
-            "orders.c",
-            "g->image_change == IMAGE_FOR_ALL;",
-            "(g->image_change & IMAGE_FOR_ALL) != 0;",
-        ),
-    ),
-    (
-        "a parameter write that one of the other kind displaces",
-        *("gateway", "orders.c", "waiting[0] && waiting[0]->broadcast == g->newest->broadcast", "waiting[0]"),
-    ),
-    (
-        "an order with the ticket before that of a revoked candidate",
-        *("gateway", "request.c", "g->ticket = (uint8_t)ticket; /* for what was committed before */", ";"),
-    ),
-    (
-        "a reply to an older request",
-        *("gateway", "request.c", "    if (txn != g->newest)\n        return;\n", ""),
-    ),
-]
-
-
-@pytest.mark.parametrize(("bug", "target", "file", "right", "wrong"), BUGS, ids=[bug[0] for bug in BUGS])
-def test_the_fuzzers_find_a_planted_bug(
-    bug: str, target: str, file: str, right: str, wrong: str, tmp_path: Path
-):
+@pytest.mark.parametrize("bug", bugs("libfuzzer"), ids=lambda bug: bug.name)
+def test_the_fuzzers_find_a_planted_bug(bug: Bug, tmp_path: Path):
+    target = bug.seen["libfuzzer"]
     shutil.copytree(ROOT / "sw", tmp_path / "sw")
-    path = tmp_path / "sw/src" / file
-    assert path.read_text().count(right) == 1
-    path.write_text(path.read_text().replace(right, wrong))
+    (tmp_path / bug.file).write_text(bug.planted())
     done = firmware_fuzz.build(tmp_path, f"FUZZ_TREE={tmp_path}", fuzzers=[("card", target)])
     assert done.returncode == 0, done.stderr
     result = firmware_fuzz.fuzz(tmp_path, "card", target, 10 * RUNS[target], 1)
-    print(f"{bug}: {result.says} after {result.runs} runs")
+    print(f"{bug.name}: {result.says} after {result.runs} runs")
     assert result.finding
 
 
