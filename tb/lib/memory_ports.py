@@ -92,39 +92,3 @@ class ReadPort:
         self._data.value = byte
         await self._bench.clocks()
         self._data.value = byte ^ 0xFF  # the data of another access from here on
-
-
-class WordMemory:
-    """The memory of 32-bit words behind <prefix>_enable/_word/_wdata/_wstrb/_rdata, all 0 at first.
-
-    As firmware_ram: rdata is the word of the clock before, and 0 after a clock without enable. The words are
-    counted from 0; `words` maps those that were written to their value.
-    """
-
-    def __init__(self, bench: Bench, prefix: str = "ram"):
-        self.words: dict[int, int] = {}
-        self._clk = bench.dut.clk
-        names = ("enable", "word", "wdata", "wstrb", "rdata")
-        self._enable, self._word, self._wdata, self._wstrb, self._rdata = (
-            getattr(bench.dut, f"{prefix}_{name}") for name in names
-        )
-        self._rdata.value = 0
-        cocotb.start_soon(self._serve())
-
-    async def _serve(self) -> None:
-        while True:
-            if str(self._enable.value) != "1":
-                await RisingEdge(self._enable)
-            await RisingEdge(self._clk)
-            while str(self._enable.value) == "1":
-                self._access()
-                await RisingEdge(self._clk)
-            self._rdata.value = 0
-
-    def _access(self) -> None:
-        word = self._word.value.to_unsigned()
-        self._rdata.value = before = self.words.get(word, 0)
-        lanes = self._wstrb.value.to_unsigned()
-        if lanes:
-            mask = sum(0xFF << 8 * lane for lane in range(4) if lanes >> lane & 1)
-            self.words[word] = before & ~mask | self._wdata.value.to_unsigned() & mask
