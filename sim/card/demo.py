@@ -3,10 +3,11 @@
 
     python -m sim.card.demo            exit 0: all passed, 1: something failed, 2: something is missing
 
-pymodbus runs every example; mbpoll then reads and writes one parameter. The simulated drive keeps the state
-of the manual's examples, so that every reply is the printed one. The bytes of both lines come from the card's
-log and are compared with tb/model/examples.json. Turnaround: from the last stop bit of the request to the
-first start bit of the reply, in simulated ms.
+pymodbus runs every example; mbpoll then reads and writes one parameter. In examples 1 to 3 the simulated
+drive obeys: each stop meets a running motor and ends in 'stopped'. In the others it keeps the state of the
+manual's examples, so that every reply is the printed one. The bytes of both lines come from the card's log
+and are compared with tb/model/examples.json. Turnaround: from the last stop bit of the request to the first
+start bit of the reply, in simulated ms.
 """
 
 from __future__ import annotations
@@ -19,16 +20,27 @@ import tempfile
 import textwrap
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
+from functools import partial
 from pathlib import Path
 
 from rtl.command import run_main
 from sim.card.masters import Exchange, Pymodbus, ask_mbpoll
 from sim.card.run_card import ROOT, CardError, Frame, RunningCard
+from tb.model import fc_telegram
 
 EXAMPLES = ROOT / "tb/model/examples.json"
 FROM_MANUAL = re.compile(r"(manual p\d+) example (\d+)")
 WIDTH = 100
 LABEL = 15
+START, READ_CURRENT = "ex1-start-40", "ex5-read-514"
+STOPPED = "stopped, output frequency 0.0 %"
+# What the drive says some seconds after a command.
+ENDS_IN = {
+    START: "running, on reference, output frequency 40.0 %",
+    "ex2-ramp-stop": STOPPED,
+    "ex3-coast-stop": STOPPED,
+}
+RAMP_S = 15.0  # simulated time for the drive's ramp
 END_TEXT_ACCESS = bytes.fromhex("01 06 00 00 00 00 89 CA")  # register 40001 (IND) = 0
 
 
@@ -38,6 +50,7 @@ class Example:
     request: bytes
     reply: bytes
     drive: list[tuple[bytes, bytes]]  # telegram, reply
+    ends_in: str = ""  # state of a drive that obeys, whose replies are its own
 
 
 @dataclass(frozen=True)
@@ -64,6 +77,7 @@ def manual_examples() -> dict[str, Example]:
             bytes.fromhex(entry["request"]),
             bytes.fromhex(entry["reply"]),
             [(bytes.fromhex(d["telegram"]), bytes.fromhex(d["reply"])) for d in entry["drive"]],
+            ENDS_IN.get(entry["id"], ""),
         )
     return found
 
@@ -93,6 +107,8 @@ def differences(example: Example, frames: list[Frame], exchange: Exchange) -> It
         ("drive's reply", "drive", "drive"): [reply for _, reply in example.drive],
         ("Modbus reply", "modbus", "card"): [example.reply],
     }
+    if example.ends_in:
+        del expected["drive's reply", "drive", "drive"]
     for (what, line, sender), wanted in expected.items():
         got = seen(line, sender)
         if got != wanted:
@@ -101,8 +117,26 @@ def differences(example: Example, frames: list[Frame], exchange: Exchange) -> It
         yield f"the master says: {exchange.answer}"
 
 
-def run_example(card: RunningCard, example: Example, ask: Callable[[], Exchange]) -> Result:
-    """Runs one example and prints the comparison."""
+def state(card: RunningCard, ask: Callable[[], Exchange], wanted: str) -> str:
+    """What the drive says as soon as it is in this state, or at the end of its ramp."""
+    began, shown = card.frames()[-1].end, ""
+    while shown != wanted and card.frames()[-1].end < began + RAMP_S:
+        before = len(card.frames())
+        ask()
+        for frame in card.wait_for_frames(before, "modbus", "card"):
+            if frame.sender == "drive":
+                reply = fc_telegram.parse(frame.data, reply=True)
+                shown = fc_telegram.describe_status(reply.pcd1, reply.pcd2)
+    return shown
+
+
+def run_example(
+    card: RunningCard,
+    example: Example,
+    ask: Callable[[], Exchange],
+    read: Callable[[], Exchange] | None = None,
+) -> Result:
+    """Runs one example and prints the comparison; `read` asks a drive that obeys for its state."""
     before = len(card.frames())
     exchange = ask()
     frames = card.wait_for_frames(before, "modbus", "card")
@@ -120,6 +154,9 @@ def run_example(card: RunningCard, example: Example, ask: Callable[[], Exchange]
     show("expected", spaced(example.reply))
     show("master got", exchange.answer)
     wrong = list(differences(example, frames, exchange))
+    if read:
+        show("drive then", shown := state(card, read, example.ends_in))
+        wrong += [f"drive then: expected {example.ends_in}"] * (shown != example.ends_in)
     turnaround = (reply.start - request.end) * 1000 if request and reply else None
     show("turnaround", f"{turnaround:.2f} ms simulated" if turnaround else "no reply")
     show("verdict", "FAILED" if wrong else "passed")
@@ -138,15 +175,37 @@ def summary(results: list[Result]) -> None:
     print(f"{passed} passed, {len(results) - passed} failed")
 
 
+def commands(folder: Path, examples: dict[str, Example]) -> list[Result]:
+    """The examples that start and stop the motor, each stop with a motor that runs."""
+    results = []
+    current, start = manual_examples()[READ_CURRENT].request, examples[START]
+    with (
+        RunningCard(folder, "--drive", "sim", "--speed", "max", "--quiet") as card,
+        Pymodbus(card.link) as master,
+    ):
+        read = partial(master.ask, current)
+        for name, example in examples.items():
+            if name != START:
+                before = len(card.frames())
+                master.ask(start.request)
+                card.wait_for_frames(before, "modbus", "card")
+                state(card, read, start.ends_in)
+            results.append(run_example(card, example, partial(master.ask, example.request), read))
+    return results
+
+
 def demo(folder: Path) -> int:
     examples = manual_examples()
     if not examples:
         raise CardError(f"no example of the manual in {EXAMPLES.relative_to(ROOT)}")
-    results = []
+    results = commands(folder, {name: one for name, one in examples.items() if one.ends_in})
     with RunningCard(folder, "--drive", "example", "--quiet") as card:
         master = Pymodbus(card.link)
         for example in examples.values():
-            results.append(run_example(card, example, lambda example=example: master.ask(example.request)))
+            if not example.ends_in:
+                results.append(
+                    run_example(card, example, lambda example=example: master.ask(example.request))
+                )
         before = len(card.frames())
         master.ask(END_TEXT_ACCESS)  # example 6 leaves the card in text access
         card.wait_for_frames(before, "modbus", "card")  # else the next example would count it

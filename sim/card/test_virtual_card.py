@@ -852,8 +852,11 @@ def test_the_wave_file_is_a_finished_fst(tmp_path):
 # ---------------------------------------------------------------- make demo
 def test_the_demo_passes_and_counts():
     run = subprocess.run(
-        [sys.executable, "-m", DEMO], capture_output=True, text=True, timeout=60, check=False
+        [sys.executable, "-m", DEMO], capture_output=True, text=True, timeout=120, check=False
     )
+    ends = re.findall(r"^  drive then +(.*)$", run.stdout, re.MULTILINE)
+    stopped = "stopped, output frequency 0.0 %"
+    assert ends == ["running, on reference, output frequency 40.0 %", stopped, stopped]
     assert run.stdout.splitlines()[-1] == "9 passed, 0 failed", run.stdout + run.stderr
     assert run.returncode == 0
     for name in MANUAL:
