@@ -659,7 +659,8 @@ class LineJudge:
             # Accepted: an immediate reply to the master, or a text telegram. Not accepted: a repeat, or the
             # reply that the drive is silent. That reply looks the same for fault 255, but comes later.
             again = [b.data for b in self.telegrams if at < b.rise < self._starts_by(at + self.budget)]
-            if again and again[0] != asker.telegram:
+            waiting = [asker.telegram, *(request.telegram for request in self.queue)]
+            if again and again[0] not in waiting:
                 return True  # a text telegram follows
             by = at + self.budget + 1.3 * self.line.bit
             replies = [burst for burst in self.replies if at - self.drive.bit < burst.rise < by]
