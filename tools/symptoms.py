@@ -229,7 +229,7 @@ def no_start() -> Bus:
 
 def off_by_one() -> Bus:
     """A reference number on the wire instead of the address: a register, then coils."""
-    card = Bus()
+    card = Bus(example=False)
     card.ask(rtu.build(1, rtu.read_registers(ENERGY + 1, 2)))
     card.ask(READ_ENERGY)
     card.ask(rtu.build(1, rtu.write_coils(1, word_coils(START))))
@@ -239,7 +239,7 @@ def off_by_one() -> Bus:
 
 def usb_adapter() -> Bus:
     """Requests in two pieces: with a short silence, with a long silence, and at a higher rate."""
-    card = Bus(baud=19200)
+    card = Bus(baud=19200, example=False)
     for gap_ms in (0.5, 1.0, 16.0):
         bits = gap_ms * MS / card.modbus.fmt.bit_ps
         card.ask(START_40, flaws=Flaws(gaps={8: bits}))
@@ -248,7 +248,7 @@ def usb_adapter() -> Bus:
 
 
 def fast_reply(image: str = "") -> Bus:
-    """A correct request and its reply, which a master with a slow driver does not hear."""
+    """Correct requests and replies: a master with a slow driver misses what is on the line."""
     card = Bus(image=image)
     card.ask(READ_CONTROL)
     card.ask(READ_CONTROL)
@@ -329,6 +329,18 @@ def led_fault() -> Bus:
     return card
 
 
+def no_bias() -> Bus:
+    """The line falls to 0 as soon as the master lets go of it, twice; then it stays at 1."""
+    card = Bus()
+    for _ in range(2):
+        end = card.say(READ_CONTROL)
+        card.plan(end, "modbus_line", 0)
+        card.plan(end + 40 * MS, "modbus_line", 1)
+        card.run_until(end + 60 * MS)
+    card.ask(READ_CONTROL)
+    return card
+
+
 SYMPTOMS: dict[str, Callable[[], Bus]] = {
     "no-answer": no_answer,
     "crc-errors": crc_errors,
@@ -346,6 +358,7 @@ SYMPTOMS: dict[str, Callable[[], Bus]] = {
     "merged-reads": merged_reads,
     "led-states": led_states,
     "led-fault": led_fault,
+    "no-bias": no_bias,
 }
 
 

@@ -36,6 +36,7 @@ SECTIONS = {
     "Word order": ["word-order"],
     "Merged reads": ["merged-reads"],
     "LED states": ["led-states", "led-fault"],
+    "A bus without bias": ["no-bias"],
 }
 CONTROL_BIT_10 = 0x0400
 
@@ -60,6 +61,7 @@ FOUND = {
     "Old values": lambda entry: "coils 33-64" in entry["what"],
     "Word order": lambda entry: "refused, fault 2" in entry["what"],
     "Merged reads": lambda entry: "exception 66" in entry["what"],
+    "A bus without bias": lambda entry: entry["what"].startswith("stop bit"),
 }
 
 

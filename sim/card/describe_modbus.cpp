@@ -41,10 +41,15 @@ std::string range(const char* what, unsigned first, unsigned count) {
   return text("%ss %u-%u", what, first, first + count - 1);
 }
 
-// Names registers by their address: 40001-40009 by number, others by parameter (PNU x 10 - 1).
+// Names registers by their address: 40001-40009 by number, others by parameter (PNU x 10 - 1). Too many for
+// a number are counted: a master that merges reads.
 std::string registers(const Words& words, unsigned address, unsigned count) {
   if (address < kLocalRegisters) return range("register", 40001 + address, count);
-  if ((address + 1) % 10 == 0) return words.parameter_name((address + 1) / 10);
+  const unsigned pnu = (address + 1) / 10;
+  if ((address + 1) % 10 == 0) {
+    const bool many = count > kNumericRegisters && !words.is_text(pnu);
+    return words.parameter_name(pnu) + (many ? text(", %u registers", count) : "");
+  }
   return range("register", 40001 + address, count) + " (no parameter starts there)";
 }
 

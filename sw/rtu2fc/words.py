@@ -78,7 +78,10 @@ class Words:
         return "write done" if known and code in writes else f"reply to function {code:02X}h"
 
     def _place(self, code: int, at: int, count: int) -> str:
-        """Registers by their address: 40001-40009 by number, others by parameter (PNU x 10 - 1)."""
+        """Registers by their address: 40001-40009 by number, others by parameter (PNU x 10 - 1).
+
+        Too many registers for a number are counted: a master that merges reads.
+        """
         if code == READ_COILS:
             name = COILS.get((at, count))
             return span("coil", at + 1, count) + (f" ({name})" if name else "")
@@ -87,8 +90,9 @@ class Words:
         pnu, rest = divmod(at + 1, 10)
         if rest:
             return span("register", 40001 + at, count) + " (no parameter starts there)"
-        known = self.drive["parameters"].get(pnu)
-        return f"parameter {pnu}" + (f" ({known[0]})" if known else "")
+        known = self.drive["parameters"].get(pnu, ("", ""))
+        many = count > 2 and known[1] != "text"
+        return f"parameter {pnu}" + f" ({known[0]})" * bool(known[0]) + f", {count} registers" * many
 
     def _values(self, code: int, data: bytes, at: int, count: int) -> str:
         if code == READ_COILS:
