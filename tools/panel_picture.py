@@ -4,8 +4,9 @@
     python -m tools.panel_picture            writes docs/pictures/panel.svg
     python -m tools.panel_picture --check    exit 1 if the panel differs from the picture
 
-The recording is sim/card/panel.jsonl: a motor that a master has started. The picture takes no font from the
-network.
+The recording is sim/card/panel.jsonl: a motor that a master has started. Its lines are without process words
+and without bytes for which there is no room. Each word is a text of its own, because librsvg takes leading
+blanks away and knows no textLength. The picture takes no font from the network.
 """
 
 from __future__ import annotations
@@ -15,6 +16,7 @@ import json
 import os
 import re
 from collections.abc import Iterator
+from html import escape, unescape
 
 from rtl.command import run_main, write_files
 from rtl.sources import ROOT
@@ -28,6 +30,13 @@ SIZE = (80, 24)
 TITLE = "make run: the virtual card with a simulated VLT 6000"
 WEB_FONT = re.compile(r"\s*@font-face \{.*?\n\s*\}", re.DOTALL)
 CLIP = re.compile(r">\s+<(rect x=\"0\"|/clipPath)")  # one line each
+TEXT = re.compile(
+    r"<text (class=\"[^\"]+-r\d+\") x=\"([\d.]+)\" (y=\"[\d.]+\") "
+    r"textLength=\"[\d.]+\"( [^>]*)>([^<]*)</text>"
+)
+COLUMN = 12.2  # width of a character
+PROCESS_WORDS = re.compile(r"; (?:control|status) .*")
+ROOM = 60  # characters of a frame
 FONT = re.compile(r"Fira Code, monospace")
 
 
@@ -47,9 +56,30 @@ class Recording:
         yield from entries
 
 
+class ShortLines(View):
+    """The panel's text, its frames no longer than a line of the panel."""
+
+    def _write(self, frame: dict, sender: str, ok: bool) -> None:
+        what = PROCESS_WORDS.sub("", frame["what"]).replace("Readout: ", "")
+        what = what if len(what) <= ROOM else what.replace(" (Motor current)", "")
+        data = frame["bytes"] if len(what) + len(frame["bytes"]) <= ROOM else ""
+        super()._write(frame | {"what": what, "bytes": data}, sender, ok)
+
+
+def by_words(text: re.Match) -> str:
+    """One text a word, each at its column."""
+    kind, x, y, rest, content = text.groups()
+    shown = unescape(content).replace("\N{NO-BREAK SPACE}", " ")
+    return "".join(
+        f'<text {kind} x="{float(x) + COLUMN * word.start():.1f}" {y} '
+        f'textLength="{COLUMN * len(word[0]):.1f}"{rest}>{escape(word[0])}</text>'
+        for word in re.finditer(r"\S+", shown)
+    )
+
+
 def picture() -> str:
     async def shown() -> str:
-        app = Panel(Recording(), View())
+        app = Panel(Recording(), ShortLines())
         async with app.run_test(size=SIZE) as pilot:
             app.step()
             await pilot.pause()
@@ -62,7 +92,7 @@ def picture() -> str:
     finally:
         os.environ.update({name: value for name, value in terminal.items() if value is not None})
     text = FONT.sub("DejaVu Sans Mono, Liberation Mono, monospace", WEB_FONT.sub("", text))
-    text = CLIP.sub(r"><\1", text)
+    text = TEXT.sub(by_words, CLIP.sub(r"><\1", text))
     return "\n".join(line.rstrip() for line in text.splitlines() if line.strip()) + "\n"
 
 

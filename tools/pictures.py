@@ -186,21 +186,25 @@ def loopback() -> Picture:
 
 
 def switches() -> Picture:
-    picture = Picture("Switch positions of every rate and of every parity, lever up is ON", 402)
+    picture = Picture("Switch positions of every rate and of every parity, lever up is ON", 454)
     picture.text(16, 22, "Rate: switches 1-3", "b")
     picture.text(220, 22, "Parity: switches 4-5", "b")
+    for first, last, left in ((1, 3, 31), (4, 5, 235)):
+        for number in range(first, last + 1):
+            picture.text(left + PITCH * (number - first), 43, str(number), "s", "middle")
     for place, (on, rate) in enumerate(sorted(RATES.items(), key=lambda row: (row[1].baud, row[0]))):
-        block(picture, 16, 38 + 44 * place, on, numbers=False)
-        picture.text(116, 60 + 44 * place, f"{rate.baud}" + (" (usual)" if USUAL_RATE.startswith(on) else ""))
+        block(picture, 16, 54 + 44 * place, on, numbers=False)
+        picture.text(116, 76 + 44 * place, f"{rate.baud}" + (" (usual)" if USUAL_RATE.startswith(on) else ""))
     for place, (on, form) in enumerate(FORMATS.items()):
-        block(picture, 220, 38 + 44 * place, on, numbers=False)
+        block(picture, 220, 54 + 44 * place, on, numbers=False)
         stops = "1 stop bit" if form.stop_bits == 1 else "2 stop bits"
-        picture.lines(290, 51 + 44 * place, f"{form.parity} ({short(form)})\n{stops}", "s")
-    picture.text(220, 240, "9600 8N2, address 1", "b")
-    picture.text(220, 262, "Baud switches", "s")
-    small(picture, 220, 272, USUAL_RATE)
-    picture.text(220, 322, "Address switches, 9 ON", "s")
-    small(picture, 220, 332, USUAL_ADDRESS)
+        picture.lines(290, 67 + 44 * place, f"{form.parity} ({short(form)})\n{stops}", "s")
+    picture.text(220, 256, "9600 8N2, address 1", "b")
+    picture.text(220, 278, "Baud switches", "s")
+    small(picture, 220, 288, USUAL_RATE)
+    picture.text(220, 358, "Address switches, 9 ON", "s")
+    small(picture, 220, 368, USUAL_ADDRESS)
+    picture.text(16, 432, "A lever that is up is ON.", "b")
     return picture
 
 
@@ -209,6 +213,7 @@ def small(picture: Picture, x: float, y: float, on: str) -> None:
     for place, position in enumerate(on):
         picture.box(x + 20 * place + 5, y + 4, 10, 26, "slot", 2)
         picture.box(x + 20 * place + 6, y + (5 if position == "1" else 17), 8, 12, "lever", 1)
+        picture.text(x + 20 * place + 10, y + 44, str(place + 1), "s", "middle")
 
 
 def page() -> str:
@@ -229,37 +234,51 @@ def page() -> str:
 # ---------------------------------------------------------------- network, cassette, LEDs
 
 
+def resistor(picture: Picture, x: float, top: float, bottom: float) -> None:
+    """Upright, with its leads."""
+    picture.line("thin", (x, top), (x, bottom))
+    picture.box(x - 7, top + 8, 14, bottom - top - 16, "orange", 2)
+    for y in (top, bottom):
+        picture.dot(x, y, 4, "first")
+
+
 def network() -> Picture:
-    picture = Picture("The network: a master with bias, cards on one pair, a terminator at each end", 330)
-    for x, kind in ((60, "w4"), (78, "w2"), (96, "w3 dash")):
-        picture.line(f"wire {kind}", (x, 40), (x, 296))
-    for x, name in ((60, "+"), (78, MINUS), (96, "common")):
-        picture.text(x if name != "common" else 124, 24, name, "b", "middle")
+    picture = Picture("The network: a master with bias, cards on one pair, a terminator at each end", 450)
+    bus = ((60, "w4"), (78, "w2"), (96, "w3 dash"))
+    for x, kind in bus:
+        picture.line(f"wire {kind}", (x, 40), (x, 400))
+    for x, name in ((60, "+"), (78, MINUS), (124, "common")):
+        picture.text(x, 24, name, "b", "middle")
+    # Top and height of a unit, the heights of its three wires, where they end.
     units = [
-        (60, "Master", "120 Ω at this end; bias here only"),
-        (130, "Card, address 1", "switch 9 OFF"),
-        (200, "Card, address 2", "switch 9 OFF"),
-        (270, "Last card", "switch 9 ON: 120 Ω"),
+        (36, 126, (94, 104, 154), 372, "Master", "120 Ω at this end"),
+        (178, 48, (192, 202, 212), 160, "Card, address 1", "switch 9 OFF"),
+        (240, 48, (254, 264, 274), 160, "Card, address 2", "switch 9 OFF"),
+        (302, 106, (350, 386, 396), 372, "Last card", "switch 9 ON: 120 Ω"),
     ]
-    for y, name, note in units:
-        for x, kind, shift in ((60, "w4", -10), (78, "w2", 0), (96, "w3", 10)):
-            picture.line(f"wire {kind}", (x, y + shift), (160, y + shift))
-            picture.dot(x, y + shift, 4, "first")
-        picture.box(160, y - 24, 244, 48)
-        picture.text(170, y - 10, name, "b")
-        picture.text(170, y + 9, note, "s")
-    for y in (60, 270):
-        picture.box(20, y - 16, 14, 32, "orange", 2)
-        picture.line("thin", (27, y - 16), (27, y - 24), (60, y - 24))
-        picture.line("thin", (27, y + 16), (27, y + 24), (78, y + 24))
-        picture.dot(60, y - 24, 4, "first")
-        picture.dot(78, y + 24, 4, "first")
-    picture.text(16, 314, "One line, no branches; 120 Ω at both ends only.", "s")
+    for top, high, wires, end, name, note in units:
+        picture.box(160, top, 244, high)
+        for (x, kind), y, stop in zip(bus, wires, (end, end, end if name == "Master" else 160), strict=True):
+            picture.line(f"wire {kind.split()[0]}", (x, y), (stop, y))
+            picture.dot(x, y, 4, "first")
+        picture.text(170, top + 14, name, "b")
+        picture.text(170, top + 33, note, "s")
+    picture.text(372, 47, "+5 V", "s", "middle")
+    resistor(picture, 372, 60, 94)
+    resistor(picture, 372, 104, 154)
+    picture.lines(170, 119, "bias: two resistors,\nat the master only", "s")
+    picture.line("thin", (60, 83), (27, 83))
+    picture.line("thin", (78, 119), (27, 119))
+    resistor(picture, 27, 83, 119)
+    resistor(picture, 372, 350, 386)
+    for x, y in ((60, 83), (78, 119)):
+        picture.dot(x, y, 4, "first")
+    picture.text(16, 434, "One line, no branches; 120 Ω at both ends only.", "s")
     return picture
 
 
 def cassette() -> Picture:
-    picture = Picture("The cassette in three steps: free it, take it out, fasten the card", 606)
+    picture = Picture("The cassette in three steps: free it, take it out, fasten the card", 628)
     for y, title in (
         (16, "Step 4: free the cassette"),
         (206, "Step 5: take it out"),
@@ -304,6 +323,7 @@ def cassette() -> Picture:
     legend(picture, 440, "A", "Push this edge into\nthe slot.")
     legend(picture, 486, "B", "Two self-tapping\nscrews and washers,\nT-10, 8 in-lbs\n(0.90 N·m).")
     picture.text(16, 584, "The drive must have been off for 14 minutes.", "b")
+    picture.text(16, 606, "Not to scale; yours may differ.", "s m")
     return picture
 
 
@@ -318,14 +338,16 @@ def legend(picture: Picture, y: float, letter: str, text: str) -> None:
     picture.lines(246, y, text)
 
 
-# Colours of each LED state of the handbook's table, each with its length in quarters of a second.
+# Colours of each LED state of the handbook's table, each with its length in quarters of a second. 12 s are
+# drawn shorter, with their length in words; then the LED flashes as without the test.
 POWER_UP = "red, green, orange, off, 250 ms each, once"
+GREEN, RED = ["green", "green", "off", "off"], ["red", "red", "off", "off"]
 STEPS = {
-    "green, flashing, 1 Hz": ["green", "green", "off", "off"] * 4,
-    "red, flashing, 1 Hz": ["red", "red", "off", "off"] * 4,
+    "green, flashing, 1 Hz": GREEN * 4,
+    "red, flashing, 1 Hz": RED * 4,
     "red, steady, both LEDs": ["red"] * 16,
-    "orange, steady, both LEDs, 12 s": ["orange"] * 16,
-    "red, steady, both LEDs, 12 s, then flashing": ["red"] * 16,
+    "orange, steady, both LEDs, 12 s": ["orange"] * 8 + ["off"] * 2 + RED + RED[:2],
+    "red, steady, both LEDs, 12 s, then flashing": ["red"] * 8 + ["off"] * 2 + RED + RED[:2],
 }
 SAYS = {
     "green, flashing, 1 Hz": "Green, flashing: works",
@@ -351,11 +373,12 @@ def leds() -> Picture:
     for place, (state, colours) in enumerate(STEPS.items()):
         y = 148 + 68 * place
         picture.text(16, y, SAYS[state], "b")
-        lane(picture, y + 28, "", colours)
+        until = "12 s" if "12 s" in state else "without end"
+        lane(picture, y + 28, "", colours, until)
     return picture
 
 
-def lane(picture: Picture, y: float, name: str, colours: list[str]) -> None:
+def lane(picture: Picture, y: float, name: str, colours: list[str], until: str = "") -> None:
     if name:
         picture.text(16, y, name, "s")
     start = 0
@@ -366,7 +389,8 @@ def lane(picture: Picture, y: float, name: str, colours: list[str]) -> None:
         colour, x = colours[start], 82 + 20 * start
         picture.box(x, y - 11, 20 * length, 22, colour, 0)
         if colour != "off":
-            picture.text(x + 10 * length, y, colour[0].upper() if length < 4 else colour, "s w", "middle")
+            said = colour[0].upper() if length < 4 else f"{colour}, {until}"
+            picture.text(x + 10 * length, y, said, "s w", "middle")
         start += length
 
 
