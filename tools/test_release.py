@@ -16,6 +16,7 @@ import pytest
 from packaging.utils import parse_wheel_filename
 
 from constraints.boards import board, boards
+from regs.dialects import DIALECTS, IMAGES, STANDARD
 from rtl.command import VERSION, version
 from rtl.sources import ROOT
 from tb.firmware.test_firmware_images import images
@@ -133,14 +134,12 @@ def firmware_images() -> list[Image]:
     return [Image(Path(name)) for name in images()]
 
 
-def test_images_of_every_dialect_and_option():
-    found = firmware_images()
-    names = sorted(image.name for image in found if image.path.parts[1] != "large")
-    of_card = ["card", "card", *(f"card-{option}" for option in ("refresh", "stop", "delay5", "delay20"))]
-    of_builtin = ["builtin", "builtin-norefresh", "builtin-stop"]
-    assert names == sorted([*of_card, *of_builtin, "hvac-basic", "hvac-basic-norefresh"])
-    large = {image.name for image in found if image.path.parts[1] == "large"}
-    assert large == {f"{name}{end}" for name in ("card", "builtin", "hvac-basic") for end in ("", "-all")}
+def test_images_have_the_names_of_their_dialect_and_option():
+    names = {str(image.path.parent): image.name for image in firmware_images()}
+    assert len(names) == 3 + sum(len(image.dialects) for image in IMAGES.values()) + 2 * len(DIALECTS) - 2
+    assert (names["build"], names["build/tiny"], names["build/large/builtin"]) == ("card", "card", "builtin")
+    assert names[f"build/norefresh/{STANDARD}"] == "hvac-basic-norefresh"
+    assert names["build/large/all/builtin"] == "builtin-all"
 
 
 @pytest.mark.nightly

@@ -80,7 +80,7 @@ def tried_as_text(card: Translator, pdu: str, number: str) -> Transaction:
 
 
 def test_the_model_and_the_table_know_the_same_dialects():
-    assert list(MODEL_DIALECTS) == list(DIALECTS)
+    assert set(MODEL_DIALECTS) == set(DIALECTS)
 
 
 # ---------------------------------------------------------------- the documents' examples
@@ -150,37 +150,35 @@ def test_s3_reads_1_to_10_registers(card: Translator, registers: int):
 
 @in_all
 @each_row(
-    ("pdu", "codes", "what"),
+    ("pdu", "why", "what"),
     [
-        ("07 0000 0001", (67, 67, 1), "an unknown function"),
-        ("2C", (67, 67, 1), "an unknown function without data"),
-        ("03 1413", (65, 65, 3), "a request too short"),
-        ("05 0000 FF00 00", (65, 65, 3), "a request too long"),
-        ("10 0419 0002 04 0000 02", (65, 65, 3), "a byte less than counted"),
-        ("01 0000 0000", (66, 66, 3), "no coils"),
-        ("01 0000 0081", (66, 66, 3), "129 coils"),
-        ("0F 0000 0021 05 00 00 00 00 00", (66, 66, 3), "33 coils to write"),
-        ("03 1413 0000", (66, 66, 3), "no registers"),
-        ("03 1413 000B", (66, 66, 3), "11 registers"),
-        ("10 0419 0002 02 0000", (66, 66, 3), "two registers in two bytes"),
-        ("01 0080 0001", (64, 64, 2), "coil 129"),
-        ("05 0020 FF00", (64, 64, 2), "a status coil"),
-        ("0F 003F 0002 01 03", (64, 64, 2), "a run into coil 65"),
-        ("0F 0040 0002 01 03", (64, 64, 2), "a run out of coil 65"),
-        ("03 1414 0001", (64, 64, 2), "the second register of a parameter"),
-        ("06 0003 0001", (64, 64, 2), "a reserved register"),
-        ("03 FFFF 0001", (64, 64, 2), "the last address"),
-        ("05 0000 1234", (2, 66, 3), "a single coil neither on nor off"),
-        ("05 0040 0001", (2, 66, 3), "coil 65 neither on nor off"),
-        ("06 0002 0000", (2, 66, 3), "a drive time-out of 0"),
-        ("10 0001 0002 04 0001 0000", (2, 66, 3), "a drive time-out of 0 in a run"),
+        ("07 0000 0001", "function", "an unknown function"),
+        ("2C", "function", "an unknown function without data"),
+        ("03 1413", "length", "a request too short"),
+        ("05 0000 FF00 00", "length", "a request too long"),
+        ("10 0419 0002 04 0000 02", "length", "a byte less than counted"),
+        ("01 0000 0000", "quantity", "no coils"),
+        ("01 0000 0081", "quantity", "129 coils"),
+        ("0F 0000 0021 05 00 00 00 00 00", "quantity", "33 coils to write"),
+        ("03 1413 0000", "quantity", "no registers"),
+        ("03 1413 000B", "quantity", "11 registers"),
+        ("10 0419 0002 02 0000", "quantity", "two registers in two bytes"),
+        ("01 0080 0001", "address", "coil 129"),
+        ("05 0020 FF00", "address", "a status coil"),
+        ("0F 003F 0002 01 03", "address", "a run into coil 65"),
+        ("0F 0040 0002 01 03", "address", "a run out of coil 65"),
+        ("03 1414 0001", "address", "the second register of a parameter"),
+        ("06 0003 0001", "address", "a reserved register"),
+        ("03 FFFF 0001", "address", "the last address"),
+        ("05 0000 1234", "value", "a single coil neither on nor off"),
+        ("05 0040 0001", "value", "coil 65 neither on nor off"),
+        ("06 0002 0000", "value", "a drive time-out of 0"),
+        ("10 0001 0002 04 0001 0000", "value", "a drive time-out of 0 in a run"),
     ],
 )
-def test_an_invalid_request_gets_the_code_of_the_dialect(
-    card: Translator, pdu: str, codes: tuple[int, int, int], what: str
-):
+def test_an_invalid_request_gets_the_code_of_the_dialect(card: Translator, pdu: str, why: str, what: str):
     before = card.state()
-    code = dict(zip(DIALECTS, codes, strict=True))[card.dialect]
+    code = MODEL_DIALECTS[card.dialect].codes[why]
     assert card.do(H(pdu)).reply == refused(code, H(pdu)[0]), what
     assert card.state() == before
 
