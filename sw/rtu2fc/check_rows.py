@@ -17,7 +17,8 @@ from collections.abc import Callable
 from dataclasses import dataclass
 
 from .card import DRIVE_TIMEOUT, EEPROM, IND, INDEX, NETWORK_TIMEOUT, UNKNOWN_FUNCTION, status_in_words
-from .dialects import DIALECTS
+from .dialects import DIALECTS, Dialect
+from .drives import DRIVES
 from .rtu import (
     exception,
     read_coils,
@@ -31,7 +32,10 @@ from .rtu import (
 RESERVED = 3  # register 40004
 LANGUAGE = 1  # parameter "language", in every drive of these documents
 NO_PARAMETER = 2047  # in no drive of these documents
-DRIVE_TYPE = {"card": 621, "builtin": 621, "hvac_basic": 1540}  # text parameter with the drive's type
+CARD = tuple(name for name, one in DIALECTS.items() if not one.text_by_size)
+BUILT_IN = tuple(name for name in DIALECTS if name not in CARD)
+DIAGNOSED = tuple(name for name, one in DIALECTS.items() if "DIAGNOSTICS" in one.options)
+NOT_DIAGNOSED = tuple(name for name in DIALECTS if name not in DIAGNOSED)
 VALUES = (0x04D2, 0x0010)  # written to 40002 and 40003 and taken back
 TEXT_REGISTERS = 10
 
@@ -143,7 +147,7 @@ def has_status(reply: bytes) -> str:
 
 
 def has_fc_status(reply: bytes) -> str:
-    return status_of(reply, "hvac_basic")
+    return status_of(reply, DIAGNOSED[0])
 
 
 def status_of(reply: bytes, dialect: str) -> str:
@@ -175,8 +179,6 @@ def has_identification(reply: bytes) -> str:
 
 
 # ---------------------------------------------------------------- rows
-CARD, BUILT_IN, DIAGNOSED = ("card",), ("builtin", "hvac_basic"), ("hvac_basic",)
-NOT_DIAGNOSED = tuple(name for name in DIALECTS if name not in DIAGNOSED)
 TEXT_READS = bytes.fromhex("10 0000 0001 02 0400")  # IND = 0400h: function 03 reads texts (MAP-8)
 
 
@@ -217,15 +219,14 @@ def no_drive_rows() -> tuple[Row, ...]:
 
 
 def text_rows() -> tuple[Row, ...]:
-    def of(dialect: str, before: tuple[Ask, ...], after: tuple[Ask, ...]) -> Row:
-        ask = Ask(parameter(DRIVE_TYPE[dialect], TEXT_REGISTERS), has_text)
-        return Row("FC-7", "a text is read", (*before, ask, *after), "drive", (dialect,))
+    def of(name: str, dialect: Dialect) -> Row:
+        known = DRIVES[dialect.drive]["parameters"].items()
+        number = next(pnu for pnu, one in known if one[1] == "text" and one[0].endswith(" type"))
+        ask = Ask(parameter(number, TEXT_REGISTERS), has_text)
+        asks = (ask,) if dialect.text_by_size else (done(TEXT_READS), ask, done(write_register(IND, 0)))
+        return Row("FC-7", "a text is read", asks, "drive", (name,))
 
-    return (
-        of("card", (done(TEXT_READS),), (done(write_register(IND, 0)),)),
-        of("builtin", (), ()),
-        of("hvac_basic", (), ()),
-    )
+    return tuple(of(*row) for row in DIALECTS.items())
 
 
 def state_rows() -> tuple[Row, ...]:

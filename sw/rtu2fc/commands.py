@@ -38,7 +38,6 @@ from .screen import Screen
 TURN_S = 3.0  # until a started motor must turn
 STOP_S = 120.0  # until a motor must have stopped by its ramp
 VIRTUAL_CARD = "RTU2FC_CARD"
-FIRST = {"hvac_basic": 0}  # index of the first element of an array, if not 1
 
 
 def ports(args: argparse.Namespace, screen: Screen) -> int:
@@ -79,7 +78,8 @@ def _alarms(drive: str) -> list[Parameter]:
     """The alarm word, and the newest entry of the fault log."""
     known = parameters(drive).values()
     found = [one for part in ("alarm word", "error code") for one in known if part in one.name.lower()]
-    return [replace(one, index=FIRST.get(drive, 1) if "log" in one.name.lower() else 0) for one in found]
+    newest = DRIVES[drive]["first_index"]
+    return [replace(one, index=newest if "log" in one.name.lower() else 0) for one in found]
 
 
 def status(args: argparse.Namespace, screen: Screen, card: Card) -> int:

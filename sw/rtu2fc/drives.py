@@ -22,6 +22,7 @@ def _drive(name: str) -> dict:
     status = "fc_status" if settings.get("fc_status") else "vlt_status"
     return {
         "pnu_mask": (1 << settings["pnu_bits"]) - 1,
+        "first_index": settings.get("index_first", 1),
         "kinds": (status, "two_ramps" if two_ramps else "one_ramp"),
         "parameters": {
             int(row["pnu"]): (row["name"], row["type"], int(row["conversion"]), row["unit"]) for row in rows

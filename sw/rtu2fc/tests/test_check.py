@@ -18,6 +18,8 @@ import time
 
 import pytest
 
+from regs.dialects import DIALECTS as TABLE
+from regs.dialects import STANDARD
 from sim.card.run_card import ROOT, RunningCard
 from sw.rtu2fc import check as program
 from sw.rtu2fc import check_rows
@@ -33,7 +35,6 @@ from tb.model.card import DIALECTS, CardModel
 from tb.model.vlt_drive import VltDrive
 
 T35_S, CHARACTER_S = 0.004, 0.001
-DRIVES = {"card": "vlt6000", "builtin": "vlt8000", "hvac_basic": "hvac_basic"}
 UNIT = 5
 READ_40003 = with_crc(bytes([UNIT, 3, 0, 2, 0, 1]))
 STARTS, STOPS = bytes.fromhex("0F 0000 0020 04 7C04 6606"), bytes.fromhex("0F 0000 0020 04 3C04 0000")
@@ -99,7 +100,7 @@ def ask(line: ModelLine, **given: object) -> None:
 
 
 def with_drive(dialect: str) -> VltDrive:
-    return VltDrive(DRIVES[dialect])
+    return VltDrive(TABLE[dialect].profiles[0])
 
 
 # ---------------------------------------------------------------- against the models
@@ -457,7 +458,7 @@ def test_bytes_between_the_frames_are_kept():
 
 
 @pytest.mark.nightly
-@pytest.mark.parametrize(("dialect", "drive"), [("card", "yes"), ("builtin", "no"), ("hvac_basic", "yes")])
+@pytest.mark.parametrize(("dialect", "drive"), [("card", "yes"), ("builtin", "no"), (STANDARD, "yes")])
 def test_the_virtual_card_passes(tmp_path, dialect, drive):
     """But for lateness: the virtual card falls behind on a busy machine."""
     line = ("--drive", str(tmp_path / "drive")) if drive == "no" else ()

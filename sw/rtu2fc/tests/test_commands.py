@@ -21,6 +21,7 @@ from pathlib import Path
 
 import pytest
 
+from regs.dialects import STANDARD, STANDARD_DRIVE
 from sim.card.run_card import ROOT, RunningCard
 from sim.drive.drive_table import read_capacity, read_profile
 from sw.rtu2fc import cli, commands, port, problem, scan
@@ -233,14 +234,14 @@ def test_a_value_that_cannot_be_sent_is_refused(text):
 @pytest.mark.parametrize("dialect", first(list(DIALECTS)))
 def test_parameters_are_read_and_written(tmp_path, dialect):
     """Number, array and text; the index register is what it was before."""
-    number, text, array = {"hvac_basic": ("302", "37", "1530[1]")}.get(dialect, ("225", "533", "615[2]"))
+    number, text, array = {STANDARD: ("302", "37", "1530[1]")}.get(dialect, ("225", "533", "615[2]"))
     with Card(tmp_path, "--quiet", "--dialect", dialect) as card:
         found = card.ask("write", number, "1.5")
         assert (found["raw"], found["after"]) == (1500, "1.500 Hz")
         assert card.ask("write", text, "PUMP 3")["after"] == "'PUMP 3'"
         first_, second, third = card.ask("read", number, text, array)["parameters"]
         assert (first_["value"], second["value"], third["raw"]) == ("1.500 Hz", "'PUMP 3'", 0)
-        if dialect != "hvac_basic":
+        if dialect != STANDARD:
             assert card.ask("write", "225", "-2")["after"] == "-2.000 Hz"
         card.stop()  # its log is complete then
         register = {"card": "40001"}.get(dialect, "40009")
@@ -271,7 +272,7 @@ def test_each_exception_of_the_handbook_has_words():
     assert meaning(67, "card") == "unknown function"
     assert meaning(2, "card") == "value refused by the card"
     assert meaning(2, "card", of_drive=True) == "the drive: value exceeds limits"
-    assert meaning(2, "hvac_basic", of_drive=True) == "no such coil or register, or it cannot be written"
+    assert meaning(2, STANDARD, of_drive=True) == "no such coil or register, or it cannot be written"
     assert meaning(255, "card") == "no answer from the drive"
     assert meaning(99, "card") == "no code of this dialect"
 
@@ -342,7 +343,7 @@ def test_a_busy_port_is_one_line(card):
         (["grade", "p", "--report", "nowhere/x.json"], 2, "--report: nowhere/x.json: No such file"),
         (["status", "p", "--replay", "nowhere.json"], 2, "rtu2fc status: nowhere.json: No such file"),
         (["status", "p", "--replay", "VERSION"], 2, "rtu2fc status: VERSION is no record of rtu2fc"),
-        (["parameters", "--drive-type", "x"], 2, "the drive is auto, hvac_basic, vlt2800"),
+        (["parameters", "--drive-type", "x"], 2, f"the drive is auto, {STANDARD_DRIVE}, vlt2800"),
         (["simulate", "--program", "none"], 2, "the virtual card's program is not here: none"),
     ],
 )  # fmt: skip

@@ -9,6 +9,7 @@ import re
 
 import pytest
 
+from regs.dialects import STANDARD_DRIVE
 from sim.card.run_card import ROOT
 from sim.drive.drive_table import read_capacity, read_profile
 from sw.rtu2fc import fc
@@ -92,12 +93,12 @@ def test_random_telegrams_agree_with_the_model():
     ("drive", "said"),
     [
         ("vlt6000", "Control ready, stand by, bit 6, local control, running"),
-        ("hvac_basic", "Control ready, trip lock, local control, running"),
+        (STANDARD_DRIVE, "Control ready, trip lock, local control, running"),
     ],
 )
 def test_the_words_are_those_of_the_chosen_drive(drive, said):
     got = shown((9, START), (2.1, fc_telegram.build_process(0x0845, 0xE000)), drive=drive)
-    ramp = "ramp 1, " * (drive == "hvac_basic")
+    ramp = "ramp 1, " * (drive == STANDARD_DRIVE)
     assert got.telegrams[0] == f"Request: control 047Ch (start, {ramp}data valid), reference 40.0 %"
     assert got.telegrams[1] == f"Reply: status 0845h ({said}), frequency -50.0 %"
 
