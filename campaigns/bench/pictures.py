@@ -35,26 +35,28 @@ def draw(results: Results) -> None:
 
 
 def _latency(results: CardResults):
-    """From the request's end to the reply's first bit: this card and other slaves."""
-
+    """From the request's end to the reply's first bit: this card and other slaves. Readable on a phone."""
     legal = Line.of(SHOWN_BAUD, FORM).t35_bits
     found = samples(results, "turnaround", case=LOCAL[0], baud=SHOWN_BAUD, form=FORM)
     bars = {"rtu2fc": legal + statistics.median(values(found, "local"))}
     for name, latency in zip(RIVALS, RIVAL_ROWS["latency"], strict=True):
         bars[name.split("/")[0]] = float(latency.strip("*"))
-    figure, panel = subplots(figsize=(8, 3.6))
+    figure, panel = subplots(figsize=(4.6, 4.0))
     for at, (name, bits) in enumerate(reversed(bars.items())):
         colour = CARD if name == "rtu2fc" else WIRE
         panel.barh(at, bits, height=0.6, color=colour if bits >= legal else SILENCE)
         panel.text(bits + 0.6, at, f"{bits:.1f}" + (" too early" if bits < legal - 4 else ""), va="center")
     panel.axvline(legal, color="black", linewidth=0.8, linestyle="--")
     panel.text(legal, len(bars) - 0.45, f"t3.5 = {legal}", ha="center")
-    panel.set_yticks(range(len(bars)), list(reversed(bars)))
+    panel.set_yticks(range(len(bars)), [name.replace("denisenko", "-\ndenisenko") for name in reversed(bars)])
     panel.tick_params(axis="y", length=0)
-    panel.set_xlabel(f"bits from the request's end to the reply's first bit, {SHOWN_BAUD} bit/s")
-    panel.set_title("Reply latency: this card and other open Modbus RTU slaves", loc="left", pad=16)
+    panel.set_xlim(0, 1.15 * max(bars.values()))
+    panel.set_xlabel(f"bits from the request's end\nto the reply's first bit, {SHOWN_BAUD} bit/s")
+    figure.suptitle("Reply latency: this card and\nother open Modbus RTU slaves", x=0.03, ha="left")
     known = {CARD: "this card", WIRE: "another design", SILENCE: "answers before t3.5"}
     handles = [Patch(color=colour, label=text) for colour, text in known.items()]
-    figure.legend(handles=handles, loc="lower center", ncols=4, frameon=False, fontsize=9)
+    figure.legend(
+        handles=handles, loc="lower center", ncols=3, frameon=False, columnspacing=1, handlelength=1
+    )
     figure.tight_layout(rect=(0, 0.07, 1, 1))
     return figure
