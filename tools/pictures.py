@@ -493,7 +493,7 @@ def build(name: str) -> Picture:
     """The wires of a development board to two transceiver modules and to switches, from its pin file."""
     entry = boards()[name]
     picture = Picture(
-        f"Wires of the {entry.title.split(',')[0]}: two EIA-485 modules, two switch blocks", 640
+        f"Wires of the {entry.title.split(',')[0]}: two EIA-485 modules, two switch blocks", 760
     )
     picture.text(16, 22, entry.title.split(",")[0], "b")
     picture.text(404, 22, "isolated modules", "b", "end")
@@ -517,7 +517,7 @@ def build(name: str) -> Picture:
             picture.line(f"wire w{(4, 2, 3)[number]}", (314, level), (346, level))
             picture.text(352, level, word, "s")
         picture.line("thin dash", (284, y + 26), (284, y + 126))
-    picture.text(16, 338, "DE: 4.7 kΩ to GND each. 3.3 V, 1 A to both modules.", "s")
+    picture.text(16, 338, "DE: 4.7 kΩ to GND each. RXD is the module's output.", "s")
     for y, text, ports in (
         (362, "Baud", [f"sw_baud_n[{n}]" for n in range(1, 10)]),
         (472, "Address", [f"sw_addr_n[{n}]" for n in range(1, 9)]),
@@ -539,6 +539,19 @@ def build(name: str) -> Picture:
             words.append(f"{colour} {where}")
         title = ("network", "drive")[number]
         picture.text(16, 604 + 18 * number, f"{title}: {', '.join(words)}", "s")
+    picture.text(16, 654, "Power", "b")
+    picture.arrow("wire w1", (108, 683), (250, 683))
+    picture.arrow("wire w1", (108, 731), (140, 731))
+    picture.arrow("wire w1", (236, 731), (268, 731))
+    for x, y, wide, high, text, kind in (
+        (16, 668, 92, 78, "5 V supply,\nisolated", "box"),
+        (250, 668, 154, 30, "USB socket, board", "part"),
+        (140, 716, 96, 30, "3.3 V, 1 A", "box"),
+        (268, 716, 136, 30, "VCC, both modules", "box"),
+    ):
+        picture.box(x, y, wide, high, kind)
+        first = y + high / 2 - 8.5 * text.count("\n")
+        picture.lines(x + wide / 2, first, text, "s", "middle")
     return picture
 
 

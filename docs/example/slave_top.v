@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// The example slave on a development board: register 1 bit 0 lights the LED (lit by a low pin).
+// The example slave on a development board: register 0 bit 0 lights the LED (lit by a low pin).
 //
 // rx, tx, de: the pins of an EIA-485 transceiver, those of the card's network line on the same board.
 // The reset lasts 15 clocks after configuration. Clock domain: clk, CLK_HZ.
