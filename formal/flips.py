@@ -425,16 +425,13 @@ def main(arguments: list[str] | None = None) -> int:
     for line in wrong:
         print(f"formal-flips: {line}", file=sys.stderr)
     if options.write and not options.modules and not wrong:
-        fields = {
-            "TABLE": table(found),
-            "LEFT": left(found),
-            "PROVED": registers_with("proved", found),
-            "APART": registers_with(NO_PATH, found),
-            "SAMPLED": sampled(),
-        }
-        text = TEMPLATE.read_text()
-        for name, value in fields.items():
-            text = text.replace(f"@{name}@", value)
+        text = TEMPLATE.read_text().format(
+            table=table(found),
+            left=left(found),
+            proved=registers_with("proved", found),
+            apart=registers_with(NO_PATH, found),
+            sampled=sampled(),
+        )
         of = {module: fingerprint(module) for module in known()}
         publish("proved-flips", text, "make formal-flips", of, keep=[""])
     return int(bool(wrong))

@@ -277,8 +277,7 @@ def summary(tasks: list[Task], took: float, jobs: int) -> str:
 
 
 def document(tasks: list[Task], took: float, jobs: int) -> str:
-    text = TEMPLATE.read_text().replace("@TABLE@", table(tasks))
-    return text.replace("@SUMMARY@", summary(tasks, took, jobs))
+    return TEMPLATE.read_text().format(table=table(tasks), summary=summary(tasks, took, jobs))
 
 
 def main(arguments: list[str] | None = None) -> int:

@@ -18,7 +18,6 @@ import functools
 import json
 import random
 import time
-from concurrent.futures import ProcessPoolExecutor
 
 from campaigns.fuzz.case import CLK_HZ, DRIVE_DELAY_BITS, Player
 from campaigns.fuzz.shrink import shrink
@@ -26,7 +25,7 @@ from campaigns.fuzz.trial import followed, told
 from campaigns.soak.run import Traffic, wire
 from regs.dialects import DEFAULT, DIALECTS
 from regs.generated.card_tables import DRIVE_BAUD
-from rtl.command import Parser, run_main
+from rtl.command import Parser, in_processes, run_main
 from rtl.sources import ROOT, SourcesError, configuration, configurations
 from sim.harness.library import BuildError, Target
 from sim.harness.pins import BAUDS, FORMS
@@ -184,8 +183,8 @@ def make(seed: int, number: int, config: str, jams: bool = False) -> dict:
     return Maker(f"impatient/{seed}/{number}", config, number % OWN_CLOCK == OWN_CLOCK - 1, jams).case()
 
 
-def trial(number: int, seed: int, config: str, jams: bool = False) -> Verdict:
-    return play(make(seed, number, config, jams), config)
+def trial(number: int, seed: int, config: str, jams: bool = False) -> tuple[int, Verdict]:
+    return number, play(make(seed, number, config, jams), config)
 
 
 def keep(seed: int, number: int, config: str, jams: bool) -> str:
@@ -207,16 +206,15 @@ def main() -> int:
     options = parser.parse_args()
     print(f"impatient: {options.config} card, seed {options.seed}, {options.count} sequences", flush=True)
     began, wrong, asked, restless = time.monotonic(), 0, 0, 0
-    with ProcessPoolExecutor(options.jobs) as pool:
-        run = functools.partial(trial, seed=options.seed, config=options.config, jams=options.jams)
-        for number, outcome in enumerate(pool.map(run, range(options.count))):
-            asked, restless = asked + outcome.asked, restless + outcome.restless
-            if not outcome.differences:
-                continue
-            wrong += 1
-            print(f"impatient: DIFFERENCE in sequence {number}: {'; '.join(outcome.differences)}", flush=True)
-            if wrong <= KEPT_MAX:
-                print(f"impatient:   {keep(options.seed, number, options.config, options.jams)}", flush=True)
+    work = functools.partial(trial, seed=options.seed, config=options.config, jams=options.jams)
+    for number, outcome in in_processes(options.jobs, work, range(options.count)):
+        asked, restless = asked + outcome.asked, restless + outcome.restless
+        if not outcome.differences:
+            continue
+        wrong += 1
+        print(f"impatient: DIFFERENCE in sequence {number}: {'; '.join(outcome.differences)}", flush=True)
+        if wrong <= KEPT_MAX:
+            print(f"impatient:   {keep(options.seed, number, options.config, options.jams)}", flush=True)
     took = time.monotonic() - began
     print(
         f"impatient: seed {options.seed}, {options.count} sequences, {wrong} with a difference (with {SURE} "

@@ -22,7 +22,7 @@ def test_drive_is_told_what_the_image_shows(config: str):
     asked = 0
     numbers = (number for number in itertools.count() if number % OWN_CLOCK != OWN_CLOCK - 1)
     for number in itertools.islice(numbers, SEQUENCES[config]):
-        outcome = trial(number, seed, config)
+        _, outcome = trial(number, seed, config)
         asked += outcome.asked
         if outcome.differences:
             found[number] = outcome.differences

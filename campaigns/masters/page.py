@@ -163,19 +163,15 @@ def layout(value: object, depth: int = 5) -> str:
 
 
 def page(results: dict) -> str:
-    text = TEMPLATE.read_text()
-    fields = {
-        "MEASURED": f"card `{results['card']}`, firmware sources `{results['sources']}`",
-        "SYSTEM": results["system"],
-        "READING": least_s(results, "read-word"),
-        "SILENT": least_s(results, "silent"),
-        "TIMEOUT": f"{results['timeout_s']:g}",
-        "MATRIX": matrix(results),
-        "TIMEOUTS": time_outs(results),
-    }
-    for key, value in fields.items():
-        text = text.replace(f"@{key}@", value)
-    return text
+    return TEMPLATE.read_text().format(
+        measured=f"card `{results['card']}`, firmware sources `{results['sources']}`",
+        system=results["system"],
+        reading=least_s(results, "read-word"),
+        silent=least_s(results, "silent"),
+        timeout=f"{results['timeout_s']:g}",
+        matrix=matrix(results),
+        timeouts=time_outs(results),
+    )
 
 
 # ---------------------------------------------------------------- the table of the handbook

@@ -543,8 +543,11 @@ def write_document(rows: dict[str, str], survivors: list[str]) -> None:
         f"choice, at most {bound:.2f} % of all would survive, at {SURE}. But tests were added for these, so "
         "of the others more may survive."
     )
-    text = TEMPLATE.read_text().replace("@TABLE@", "\n".join([HEADER, *table]))
-    text = text.replace("@SUMMARY@", summary).replace("@SURVIVORS@", "\n".join(sorted(survivors)) or "None.")
+    text = TEMPLATE.read_text().format(
+        table="\n".join([HEADER, *table]),
+        summary=summary,
+        survivors="\n".join(sorted(survivors)) or "None.",
+    )
     of = dict(re.match(r"\| `(\w+)` .*`(\w+)` \|", row).groups() for row in table)
     publish("mutants", text, "make mutate", of, summary, keep=[""])
 

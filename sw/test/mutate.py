@@ -29,7 +29,7 @@ import time
 import tomllib
 from collections.abc import Callable, Iterator
 from dataclasses import asdict, dataclass, fields
-from functools import cache
+from functools import cache, partial
 from pathlib import Path
 
 import pytest
@@ -38,7 +38,7 @@ from _pytest.runner import runtestprotocol
 from tree_sitter import Language, Node
 from tree_sitter import Parser as SourceParser
 
-from rtl.command import Parser, run_main
+from rtl.command import Parser, in_processes, run_main
 from sw.test.host import BUILDS, CORE, DIALECTS, HOST, INCLUDES, ROOT, put_figures, sources
 from tb.lib.bound import SURE, at_most
 from tb.lib.options import at_least
@@ -497,7 +497,7 @@ def report(count: int, write: bool) -> int:
         alive = [m for m in of if m["fate"] == "survives"]
         counted = len(of) - len(dead)
         caught = counted - len(alive)
-        percent = 100 * caught / counted
+        percent = 100 * caught / max(counted, 1)
         fails, code, excused = map(dead.count, NOT_COUNTED)
         possible = sum(len(mutants_of(file)) for file in FILES if name in (file, "all"))
         shown.append(
@@ -550,17 +550,10 @@ def main() -> int:
         return 0
     for file in FOLDER.glob("shard-*.json"):
         file.unlink()
-    command = [
-        sys.executable,
-        "-m",
-        "sw.test.mutate",
-        *(["--tests-only"] if given.tests_only else []),
-        f"--count={given.count}",
-        "--shard",
-    ]
-    shards = [subprocess.Popen([*command, f"{i}/{given.jobs}"], cwd=ROOT) for i in range(1, given.jobs + 1)]
-    codes = [shard.wait() for shard in shards]
-    return 2 if any(codes) else report(given.count, given.write)
+    work = partial(run_shard, parts=given.jobs, count=given.count, replay=not given.tests_only)
+    for _ in in_processes(given.jobs, work, range(1, given.jobs + 1)):
+        pass
+    return report(given.count, given.write)
 
 
 if __name__ == "__main__":
