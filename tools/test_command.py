@@ -21,7 +21,12 @@ MAIN = re.compile(r'^if __name__ == "__main__":\n(.+)', re.DOTALL | re.MULTILINE
 # Steps of a build and the agents' example start as files, outside the project's packages. `rtu2fc`
 # stops a motor first.
 OTHERS = ("sim/drive/drive_table.py", "sw/tools/bin2hex.py", "sw/tools/seal.py", "sw/tools/stack.py")
-OTHERS += ("sw/rtu2fc/__main__.py", "tb/agents/example/run.py")
+OTHERS += (
+    "sw/rtu2fc/__main__.py",
+    "sw/rtu2fc/setup.py",
+    "sw/conformance/setup.py",
+    "tb/agents/example/run.py",
+)
 # Two workers and more work than they do in a minute. Each piece says that it begins, with one write.
 POOL = """import subprocess, sys, time
 from rtl.command import in_processes, run_main, threads

@@ -230,13 +230,28 @@ def test_a_busy_link_path_stays_as_it_is(tmp_path):
     assert sorted(tmp_path.iterdir()) == [link, other] and link.read_text() == "mine"
 
 
-def test_missing_image_is_reported_with_its_path(tmp_path):
+IMAGE_OF = {
+    ("card",): "",
+    ("card", "--status-refresh"): "refresh/",
+    ("card", "--no-status-refresh"): "",
+    ("card", "--master-loss-stop"): "stop/",
+    ("builtin",): "builtin/",
+    ("builtin", "--status-refresh"): "builtin/",
+    ("builtin", "--no-status-refresh"): "norefresh/builtin/",
+    ("builtin", "--master-loss-stop"): "stop/builtin/",
+    (STANDARD,): f"{STANDARD}/",
+    (STANDARD, "--no-status-refresh"): f"norefresh/{STANDARD}/",
+}
+
+
+def test_options_choose_the_image_and_a_missing_one_is_reported_with_its_path(tmp_path):
     """The images lie beside the program: a program moved away from them finds none."""
     lonely = shutil.copy(CARD, tmp_path / "card")
-    command = [lonely, "--dialect", "builtin", "--master-loss-stop"]
-    run = subprocess.run(command, capture_output=True, text=True, check=False)
-    assert run.returncode == 2 and run.stderr.count("\n") == 1
-    assert str(tmp_path / "stop/builtin/firmware.hex") in run.stderr
+    for options, folder in IMAGE_OF.items():
+        command = [lonely, "--dialect", *options]
+        run = subprocess.run(command, capture_output=True, text=True, check=False)
+        assert run.returncode == 2 and run.stderr.count("\n") == 1
+        assert f"{tmp_path}/{folder}firmware.hex" in run.stderr
 
 
 # ---------------------------------------------------------------- start and end
@@ -363,59 +378,6 @@ def test_the_drive_trips_on_demand(tmp_path):
     assert readings[-1][1] == 0
 
 
-REFRESHED = first(
-    [("builtin",), ("card", "--status-refresh"), (STANDARD,), (STANDARD, "--status-refresh")], 2
-)
-
-
-def read_status_coils(client) -> int:
-    reply = client.read_coils(32, count=16, device_id=1)
-    assert not reply.isError()
-    return sum(bit << i for i, bit in enumerate(reply.bits))
-
-
-@pytest.mark.rule("MAP-1")
-@pytest.mark.parametrize("dialect", REFRESHED, ids=" ".join)
-def test_with_status_refresh_a_master_that_reads_coils_only_sees_the_trip(tmp_path, dialect):
-    """The drives with Modbus built in show their own status, so their dialects refresh it by default."""
-    options = ("--profile", "vlt6000", "--dialect", *dialect)
-    with RunningCard(tmp_path, "--speed", "max", "--trip", "1.5", *options) as card:
-        client = pymodbus_client(card)
-        assert not client.write_coils(0, coils(0x047C, 0x1999), device_id=1).isError()
-        assert read_status_coils(client) & 0x0808 == 0x0800, "running, no trip"
-        for _ in range(500):
-            if (status := read_status_coils(client)) & 8:
-                break
-        client.close()
-    assert status & 0x0808 == 8, "tripped, not running"
-
-
-@pytest.mark.rule("MAP-1")
-def test_the_first_request_after_power_up_reads_the_status_of_the_drive(tmp_path):
-    """S2 p28 and S3 p75: coils 33-48 are the status word as it is."""
-    with RunningCard(tmp_path, "--speed", "max", "--dialect", "builtin") as card:
-        client = pymodbus_client(card)
-        assert read_status_coils(client) == 0x0607, "ready, not running"
-        client.close()
-
-
-WITHOUT = [("card",), ("builtin", "--no-status-refresh"), (STANDARD, "--no-status-refresh")]
-
-
-@pytest.mark.nightly
-@pytest.mark.rule("MAP-1")
-@pytest.mark.parametrize("dialect", WITHOUT, ids=" ".join)
-def test_without_it_such_a_master_sees_what_the_last_reply_said(tmp_path, dialect):
-    options = ("--profile", "vlt6000", "--trip", "0.5", "--log", str(tmp_path / "log"), "--dialect", *dialect)
-    with RunningCard(tmp_path, "--speed", "max", *options) as card:
-        client = pymodbus_client(card)
-        assert not client.write_coils(0, coils(0x047C, 0x1999), device_id=1).isError()
-        for _ in range(100):
-            assert read_status_coils(client) & 0x0808 == 0x0800
-        assert read_drive(client)[0] & 8, "it had tripped"
-        client.close()
-
-
 @pytest.mark.rule("SAFE-7")
 @pytest.mark.parametrize("option", first([("--master-loss-stop",), ()]))
 def test_only_with_the_option_a_stop_leaves_when_the_master_is_lost(tmp_path, option):
@@ -467,21 +429,6 @@ def test_pymodbus_reads_every_diagnosis(tmp_path):
         assert client.read_device_information(read_code=4, object_id=3, device_id=1).exception_code == 2
         assert not client.diag_restart_communication(True, device_id=1).isError()
         assert client.diag_read_device_message_count(device_id=1).message == 1
-        client.close()
-
-
-@pytest.mark.rule("MAP-10")
-@pytest.mark.parametrize("dialect", first(["card", "builtin"]))
-def test_without_the_option_pymodbus_gets_exception_67(tmp_path, dialect):
-    with RunningCard(tmp_path, "--speed", "max", "--dialect", dialect) as card:
-        client = pymodbus_client(card)
-        for reply in (
-            client.diag_query_data(b"\x12\x34", device_id=1),
-            client.diag_get_comm_event_counter(device_id=1),
-            client.report_device_id(device_id=1),
-            client.read_device_information(device_id=1),
-        ):
-            assert reply.exception_code == 67
         client.close()
 
 
