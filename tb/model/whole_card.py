@@ -531,6 +531,8 @@ class LineJudge:
     def _wait_by(self, exchange: Exchange) -> float:
         slowest = (TICK_MS + LAST_CHARACTER_MS) * self.ms + self.budget
         alone = exchange.end + self._ms(exchange.waits[1])
+        if all(request.overtaken for request in self.queue):  # nothing may be waiting any more
+            return alone + slowest
         wanted = max(exchange.end + self._ms(GIVE_UP), exchange.wanted)
         return min(alone, wanted) + slowest
 
