@@ -17,6 +17,7 @@ from rtl.sources import ROOT
 
 REPORTS = ROOT / "build/reports"
 EVIDENCE = ROOT / "docs/evidence.json"
+SUMMARY_LINES = 10
 HEADING = re.compile(r"^(#+) +(.*)$")
 Table = list[list[str]]  # the first row is the header
 
@@ -97,3 +98,18 @@ def page_of(name: str) -> str:
     for heading, table in entry["tables"].items():
         lines += [f"## {heading}" if heading else "", markdown(table)]
     return "\n\n".join(filter(None, lines)) + "\n"
+
+
+def summary(name: str) -> str:
+    """A report in ten lines at most below its title: what it says, then the first rows of its first table."""
+    entry = evidence()[name]
+    said = entry["said"].splitlines()
+    if len(said) > SUMMARY_LINES:  # the last ones have the sums
+        said = [*said[: SUMMARY_LINES - 4], "...", *said[-3:]]
+    table = next(iter(entry["tables"].values()), [])
+    rows = table[: max(0, SUMMARY_LINES - len(said))]
+    part = f", {len(rows) - 1} of {len(table) - 1} rows" if len(rows) < len(table) else ""
+    parts = [f"**[{entry['title']}](reports.md#{name})**, by `{entry['command']}`{part}"]
+    if said:
+        parts.append("\n".join(["```", *said, "```"]) if len(said) > 1 else said[0])
+    return "\n\n".join([*parts, markdown(rows)] if len(rows) > 1 else parts)

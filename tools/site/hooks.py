@@ -3,7 +3,8 @@
 
 Reports and pictures come from build/, where their commands wrote them. A report that is not there becomes a
 page of its main figures (docs/evidence.json), a picture that is not there becomes its description. A line
-`<!-- evidence: REPORT, HEADING -->` of a guide becomes that table.
+`<!-- evidence: REPORT, HEADING -->` of a guide becomes that table, and `<!-- evidence: summaries -->` a few
+lines of each report.
 """
 
 from __future__ import annotations
@@ -13,7 +14,7 @@ from os.path import relpath
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from rtl.report_page import REPORTS, evidence, markdown, page_of
+from rtl.report_page import REPORTS, evidence, markdown, page_of, summary
 from rtl.sources import ROOT
 from tools.prose import CODE, ELSEWHERE, FENCE, LINK, slug
 
@@ -35,6 +36,7 @@ PAGES = {
 BUILT = ROOT / "build"
 LIST = DOCS / "reports.md"
 EVIDENCE = re.compile(r"^<!-- evidence: ([\w-]+), (.*) -->$", re.MULTILINE)
+SUMMARIES = "<!-- evidence: summaries -->"
 # Code is found first, so that a link in it stays. The last group is the target of a link.
 IN_PAGE = re.compile(f"{FENCE.pattern}|{CODE.pattern}|!?{LINK.pattern}", FENCE.flags)
 INDENT = re.compile(f"{FENCE.pattern}|^ {{3}}", FENCE.flags)
@@ -73,7 +75,7 @@ def filled(text: str) -> str:
         entry = evidence()[found[1]]
         return f"{markdown(entry['tables'][found[2]])}\n\nMeasured by `{entry['command']}`."
 
-    return EVIDENCE.sub(table, text)
+    return EVIDENCE.sub(table, text).replace(SUMMARIES, "\n\n".join(map(summary, evidence())))
 
 
 def moved(markdown: str, source: Path, name: str) -> str:

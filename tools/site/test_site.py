@@ -108,6 +108,18 @@ def test_a_table_of_the_evidence_stands_in_a_guide():
     assert "`make bench`" in text
 
 
+def test_the_list_of_reports_has_a_summary_of_each():
+    page = hooks.filled(hooks.LIST.read_text())
+    listed = set(re.findall(r'<a id="([\w-]+)">', page))
+    for name, entry in evidence().items():
+        _, shown, rest = page.partition(f"**[{entry['title']}](reports.md#{name})**, by `{entry['command']}`")
+        lines = [line for line in rest.partition("\n\n**[")[0].splitlines()[1:] if line]
+        lines = [line for line in lines if not line.startswith(("```", "| ---"))]
+        assert shown and name in listed and 1 <= len(lines) <= 10, name
+        figures = entry["said"] or str(next(iter(entry["tables"].values()))[0])
+        assert all(word in figures for word in lines[0].strip("| ").split(" | ")), name
+
+
 def test_what_belongs_to_a_list_is_indented_by_four():
     assert hooks.indented("1. a\n\n   | b |\n") == "1. a\n\n    | b |\n"
     assert hooks.indented("```\n   a\n```\n  - b\n") == "```\n   a\n```\n  - b\n"
