@@ -39,10 +39,10 @@ def lists() -> dict:
 
 
 def read_card(config: str) -> str:
-    """Commands that read the whole card with its firmware."""
+    """Commands that read the whole card with its firmware; one core, for the second is the same module."""
     image = sandboxed(ROOT / configurations()[config]["firmware_hex"])
     sources = " ".join(sandboxed(path) for path in card_files(config))
-    return f'read_verilog -defer {sources}\nchparam -set FIRMWARE_HEX "{image}" {TOP}\n'
+    return f'read_verilog -defer {sources}\nchparam -set LOCKSTEP 0 -set FIRMWARE_HEX "{image}" {TOP}\n'
 
 
 def yosys(name: str, script: str) -> None:
