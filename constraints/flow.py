@@ -25,8 +25,9 @@ from rtl.sources import ROOT, card_files, without_comments
 from sw.tools.bin2hex import WORD_BITS, hex_line
 
 BUILD = ROOT / "build/synth"
-# Two rounds of mapping for area instead of Yosys's one for speed: these parts have speed to spare.
-AREA = "&synch2;&if,-m,-a,-K,4;&mfs"
+# Two rounds of mapping for area instead of Yosys's one for speed: these parts have speed to spare. -C, -F and
+# -A let the mapper look at more cuts, and more often, than by default.
+AREA = "&synch2;&if,-m,-a,-K,4,-C,24,-F,5,-A,8;&mfs"
 # &scorr would save cells, but it merges flip-flops that are always equal or opposite. Some are so on purpose,
 # as a protection against flipped bits (SAFE-4).
 ABC9 = f"abc9 -lut 4 -dff -script +&sweep;&dc2;&st;{AREA};&st;{AREA}"
@@ -79,8 +80,8 @@ synth_gowin -family {device} -top {top} -run map_ffs:vout
 """.strip(),
 }
 # Seconds of processor time after which a seed counts as not routable: in a part that is almost full nextpnr
-# may exchange the same wires for ever.
-ROUTE_S = 600
+# may exchange the same wires for ever. A seed that fits the small card takes 20 s.
+ROUTE_S = 60
 SUFFIX = {"ice40": ".asc", "machxo2": ".config", "ecp5": ".config", "gowin": ".routed"}
 # Look-up tables that each of nextpnr's cells occupies; a RAM16SDP4 takes four for its bits, two to write.
 CELLS = {

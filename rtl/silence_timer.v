@@ -68,7 +68,8 @@ module silence_timer #(
   assign long_reached = long_over && long_silent;
 
   always @(posedge clk) begin
-    if (counting) ticks <= ticks + 1'b1;
+    // A sum, for a clock enable of its own would leave slices of the small card half empty.
+    ticks <= ticks + {{(WIDTH - 1) {1'b0}}, counting};
     if (half_over) begin
       ticks  <= START | {{(WIDTH - 1) {1'b0}}, shorter};
       halves <= halves + 3'd1;
