@@ -4,13 +4,11 @@
     python -m tools.prose
 
 A link must lead to a file or folder of the project. Its anchor must be a heading or an `<a id="...">` of
-that page. A page that code cites must exist. So must a row of docs/hardening.md that code cites, as in
-"docs/hardening.md, Guarded bits". Card or firmware must cite each such row. Each page of docs/ needs a
-place in tools/site/mkdocs.yml. A list has an empty line
-before it, and a list within a list four blanks: the site shows no list otherwise. Each Verilog module and
-each C file needs a row in the tables of docs/guide/architecture.md. tools/words.txt lists right words that
-codespell does not know. All pages have at most WORDS_AT_MOST words. Prints one line for each mistake; exit 1
-if there is one.
+that page. A page that code cites must exist. Each page of docs/ needs a place in tools/site/mkdocs.yml. A
+list has an empty line before it, and a list within a list four blanks: the site shows no list otherwise. Each
+Verilog module and each C file needs a row in the tables of docs/guide/architecture.md. tools/words.txt lists
+right words that codespell does not know. All pages have at most WORDS_AT_MOST words. Prints one line for each
+mistake; exit 1 if there is one.
 """
 
 import re
@@ -38,10 +36,8 @@ SHALLOW = re.compile(r"^ {1,3}(?:[-*+]|\d+\.) ", re.MULTILINE)
 UNPARTED = re.compile(r"^(?![-*+] |\d+\. |[\s|#>]).+\n(?=(?:[-*+]|1\.) )", re.MULTILINE)
 ELSEWHERE = re.compile(r"[a-z]+:")
 CITED = re.compile(r"\bdocs/[\w/-]+\.md\b")
-HARDENING = ROOT / "docs/hardening.md"
 SITE = ROOT / "tools/site/mkdocs.yml"
 ARCHITECTURE = ROOT / "docs/guide/architecture.md"
-MECHANISM = re.compile(r"docs/hardening\.md, ")
 # All pages together must stay readable: words written by hand, outside code and generated parts.
 WORDS_AT_MOST, PAGES_AT_MOST = 45_000, 30
 GENERATED_PAGES = tuple(ROOT / f"docs/reference/{name}.md" for name in ("pins", "registers"))
@@ -140,26 +136,6 @@ def too_much(pages: list[Path]) -> list[str]:
     return [f"{number} {what}, at most {most}" for what, number, most in found if number > most]
 
 
-def mechanisms() -> tuple[str, ...]:
-    return tuple(re.findall(r'^\| <a id="[^"]*"></a>(.*?) \|', HARDENING.read_text(), re.MULTILINE))
-
-
-def cited_mechanisms(text: str) -> set[str]:
-    """Rows of docs/hardening.md that a comment cites, also several in one list."""
-    joined = WRAPPED.sub(" ", text)
-    found = set()
-    for citation in MECHANISM.finditer(joined):
-        listed = re.split(r"[.;:)(]|\*/", joined[citation.end() :], maxsplit=1)[0]
-        found |= {name for name in mechanisms() if re.search(rf"(^|, ){re.escape(name)}\s*(,|$)", listed)}
-    return found
-
-
-def uncited_mechanisms(texts: list[str]) -> list[str]:
-    """Rows of docs/hardening.md that no comment of card or firmware cites."""
-    cited = set().union(*map(cited_mechanisms, texts))
-    return [f"docs/hardening.md: no code cites '{name}'" for name in mechanisms() if name not in cited]
-
-
 def without_place(pages: list[Path], site: str) -> list[str]:
     """Pages of docs/ without a place on the documentation site; `make docs` refuses them, too."""
     placed = set(re.findall(r"([\w./-]+\.md)$", site, re.MULTILINE))
@@ -185,15 +161,9 @@ def unlisted_parts(names: list[str], page: str) -> list[str]:
 
 
 def dead_citations(name: str, text: str, known: set[Path]) -> list[str]:
-    """Pages, and mechanisms of docs/hardening.md, that a source cites and that are not there."""
-    joined = WRAPPED.sub(" ", text)
-    pages = sorted(set(CITED.findall(joined)))
-    wrong = [f"{name}: {page}: no such file" for page in pages if (ROOT / page).resolve() not in known]
-    for citation in MECHANISM.finditer(joined):
-        cited = joined[citation.end() : citation.end() + 40]
-        if not cited.startswith(mechanisms()):
-            wrong.append(f"{name}: docs/hardening.md, {cited.strip()}: no such row")
-    return wrong
+    """Pages that a source cites and that are not there."""
+    pages = sorted(set(CITED.findall(WRAPPED.sub(" ", text))))
+    return [f"{name}: {page}: no such file" for page in pages if (ROOT / page).resolve() not in known]
 
 
 def check() -> list[str]:
@@ -207,9 +177,6 @@ def check() -> list[str]:
     for name in names:
         if Path(name).suffix in SOURCES and not name.startswith(("tools/prose.py", "tools/test_prose.py")):
             wrong += dead_citations(name, (ROOT / name).read_text(), known)
-    wrong += uncited_mechanisms(
-        [(ROOT / name).read_text() for name in names if re.match(r"(rtl|sw)/.*\.(v|c|h|py)$", name)]
-    )
     documents = [page for page in pages if page.is_relative_to(ROOT / "docs")]
     wrong += without_place(documents, SITE.read_text())
     # The list of changes grows with each release.
