@@ -104,7 +104,7 @@ list = awk -v all=$(1) -F ':.*\#\# ' '\
 
 ##@ Use the card
 .PHONY: demo run card firmware wheels
-demo: card ## * the manual's examples, asked by real Modbus masters (15 s)
+demo: card ## * the manual's examples, asked by real Modbus masters (30 s)
 	@$(RUN) sim.card.demo
 
 run: card ## * the virtual card with a simulated drive: a panel in the terminal (at once after make card)
