@@ -564,7 +564,7 @@ def test_ctrl_c_after_a_cross_does_not_hold_up_the_motors_stop():
     adapter = Adapter(line=ModelLine("card", with_drive("card"), unit=1, lie=lie))
     program = """import sys
 from sw.rtu2fc import check, cli
-check.TURN_S = check.RAMP_S = 0.2
+check.TURN_S = check.STOP_S = 0.2
 sys.exit(cli.main(["check", *sys.argv[1:]]))"""
     words = (adapter.name, "--drive", "yes", "--start", "10", "--yes", "--row", "motor")
     test = start_until("the motor stops by its ramp", *words, how=("-c", program))
