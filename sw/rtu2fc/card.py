@@ -118,6 +118,20 @@ def status_in_words(word: int, drive: str) -> str:
     return f"status word {word:04X}h ({fc.bits_in_words(word, tables.STATUS, DRIVES[drive])})"
 
 
+def for_drive(pdu: bytes) -> bool:
+    """Whether the request may need the drive's answer; a dialect without exception 255 is silent then."""
+    first = int.from_bytes(pdu[1:3], "big")
+    return first > INDEX if pdu[0] in (3, 6, 16) else first < EEPROM
+
+
+def drive_silent() -> NoAnswer:
+    return NoAnswer(
+        "the card answers, but its drive does not",
+        "Check that the drive has power, and its bus settings: 9600 bit/s, address 1.",
+        "Read: docs/guide/debugging.md, Exception 255",
+    )
+
+
 class Card:
     """Asks one unit. `hello` finds the dialect and the times before anything else."""
 
@@ -181,6 +195,8 @@ class Card:
             except NoAnswer as lost:
                 silent |= str(lost) == SILENT
                 if tries < 1:
+                    if silent and for_drive(pdu) and self.is_there():
+                        raise drive_silent() from None
                     raise
         # This may be the late reply to the first request: the next question must not get the second one.
         if silent:
@@ -189,9 +205,17 @@ class Card:
             return reply
         if len(reply) != 2 or reply[0] != pdu[0] | 0x80:
             raise NoAnswer(f"{reply.hex(' ')} is no answer to {pdu.hex(' ')}")
-        of_drive = pdu[0] in (3, 6, 16) and int.from_bytes(pdu[1:3], "big") > INDEX
         dialect = self.dialect if self.dialect in DIALECTS else "card"
+        if reply[1] == DIALECTS[dialect].codes.get("silent"):
+            raise drive_silent()
+        of_drive = for_drive(pdu) and pdu[0] in (3, 6, 16)
         raise Refused(f"exception {reply[1]}: {meaning(reply[1], dialect, of_drive)}", reply[1])
+
+    def is_there(self) -> bool:
+        """Whether the card answers a question that needs no drive. A late reply is another sign of it."""
+        late, _ = self.line.exchange(b"", self.answer_s)
+        heard, _ = self.line.exchange(build(self.unit, read_registers(DRIVE_TIMEOUT, 1)), self.answer_s)
+        return any(answer[:1] == bytes([self.unit]) and crc_good(answer) for answer in (late, heard))
 
     def hello(self) -> None:
         """Whether the unit answers; then its times and its dialect."""
@@ -249,7 +273,7 @@ class Card:
 
     def control(self, word: int, reference: int | None = None) -> None:
         """Writes the control word, and the reference too if it is given, in one telegram."""
-        self.motor_may_turn |= bool(word & START_BIT)
+        self.motor_may_turn = True  # until the answer: a stop may be lost
         if reference is None:
             self.set_coils(0, 16, word)
         else:

@@ -22,7 +22,7 @@ from .card import Card
 from .dialects import DIALECTS
 from .drives import DRIVES
 from .port import Line, Replay, SerialPort
-from .problem import MISUSE, STOPPED, Problem
+from .problem import FAILED, MISUSE, STOPPED, Problem
 from .screen import Screen
 from .switches import BAUDS, FORMS
 
@@ -240,6 +240,7 @@ def on_line(run: Callable, args: argparse.Namespace, screen: Screen) -> int:
     """Opens the port, finds the dialect, and runs a command with the card."""
     line = opened(args)
     card = Card(line, args.unit, args.dialect, args.drive)
+    card.motor_may_turn = run in (commands.stop, commands.coast, commands.reset)  # until it has stopped
     try:
         if run is not check.check:
             card.hello()
@@ -262,12 +263,27 @@ def stop_by_signal(signum: int, frame: object) -> None:
     raise KeyboardInterrupt("stopped by Ctrl-C" if signum == signal.SIGINT else "stopped by a signal")
 
 
+def failed_output(args: argparse.Namespace, screen: Screen, error: OSError) -> int:
+    """The exit code. Later lines go nowhere, so that they cannot fail again."""
+    if not error.filename:
+        with contextlib.suppress(OSError):
+            os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
+        screen.as_json = False  # its only object is lost: the error goes to people
+    if isinstance(error, BrokenPipeError):  # the reader has stopped, as `head` does
+        return FAILED
+    screen.problem(args.command, Problem(f"{error.filename or 'the output'}: {error.strerror}"))
+    return MISUSE
+
+
 def main(arguments: list[str] | None = None) -> int:
     parser, words = build(), sys.argv[1:] if arguments is None else arguments
     if not words:
         parser.print_help(sys.stderr)
         return MISUSE
     args = parser.parse_args(words)
+    for name in ("stdout", "stderr"):
+        if getattr(sys, name) is None:  # closed by the caller: `>&-`
+            setattr(sys, name, open(os.devnull, "w"))  # noqa: SIM115
     screen = Screen(args.json)
     before = {one: signal.signal(one, stop_by_signal) for one in SIGNALS}
     try:
@@ -278,17 +294,18 @@ def main(arguments: list[str] | None = None) -> int:
     except KeyboardInterrupt as stopped:
         code = STOPPED
         print(f"rtu2fc {args.command}: {stopped or 'stopped by Ctrl-C'}", file=sys.stderr)
-    except BrokenPipeError:  # the reader of the output has stopped
-        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
-        return 1
-    except OSError as error:  # a file that an option names
-        code = MISUSE
-        screen.problem(args.command, Problem(f"{error.filename}: {error.strerror}"))
+    except OSError as error:  # a file that an option names, or the output
+        code = failed_output(args, screen, error)
     finally:
         for one, handler in before.items():
             signal.signal(one, handler)
     if screen.motor:
         print(screen.motor, file=sys.stderr)
         screen.result["motor"] = screen.motor
-    screen.finish(code)
+    try:
+        screen.finish(code)
+    except OSError as error:
+        code = failed_output(args, screen, error)
+        if not screen.motor and "motor" in screen.result:
+            print(screen.result["motor"], file=sys.stderr)
     return code

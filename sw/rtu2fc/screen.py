@@ -16,6 +16,12 @@ TICK, CROSS, NOT_ASKED = "✓", "✗", "-"
 COLOURS = {TICK: "green", CROSS: "bold red", NOT_ASKED: "dim"}
 
 
+class Output(Console):
+    def on_broken_pipe(self) -> None:
+        """The library would end the program, without a word of the motor."""
+        raise
+
+
 class Screen:
     """`result` becomes the JSON object. Lines are wrapped on a terminal only: a pipe gets them whole."""
 
@@ -24,7 +30,7 @@ class Screen:
         for stream in (sys.stdout, sys.stderr):
             if hasattr(stream, "reconfigure"):  # an old code page of Windows has no tick
                 stream.reconfigure(errors="replace")
-        self.console = Console(highlight=False, markup=False, soft_wrap=True, emoji=False)
+        self.console = Output(highlight=False, markup=False, soft_wrap=True, emoji=False)
         self.fancy = _has(TICK)
 
     def mark(self, mark: str) -> str:
@@ -58,7 +64,7 @@ class Screen:
 
     def finish(self, code: int) -> None:
         if self.as_json:
-            print(json.dumps(self.result | {"exit_code": code}))
+            print(json.dumps(self.result | {"exit_code": code}), flush=True)
 
 
 def _has(text: str) -> bool:

@@ -181,6 +181,75 @@ def test_ctrl_c_tells_of_a_motor_that_was_started(tmp_path):
     assert errors == f"rtu2fc start: stopped by Ctrl-C\nTHE MOTOR MAY TURN. To stop it: {stop}\n"
 
 
+def test_a_stop_is_sent_before_anything_is_printed(tmp_path):
+    """A full disk, a reader that has gone and a closed output keep no stop from the line."""
+    with Card(tmp_path, "--quiet", "--control") as card:
+        words = [sys.executable, "-m", "sw.rtu2fc"]
+        for command, output, code in (
+            ("stop", ">/dev/full", 2),
+            ("coast", ">/dev/full", 2),
+            ("reset", ">/dev/full", 2),
+            ("stop", ">/dev/full --json", 2),
+            ("stop", ">&-", 0),
+            ("stop", "| true", 1),
+        ):
+            card.ask("start", 40, "--yes")
+            line = f"{' '.join(words)} {command} {card.link} {output}"
+            done = subprocess.run(
+                ["bash", "-o", "pipefail", "-c", line], cwd=ROOT, capture_output=True, text=True, timeout=60
+            )
+            assert done.returncode == code, (line, done)
+            assert "Traceback" not in done.stderr and "ignored" not in done.stderr
+            wanted, until = {"coast": "0434"}.get(command, "043C"), time.monotonic() + 10
+            while card.controls()[-1] != wanted:  # the card writes its log in blocks
+                assert time.monotonic() < until, line
+                time.sleep(0.05)
+            if output == ">/dev/full":
+                assert done.stderr.startswith(f"rtu2fc {command}: the output: No space left on device\n")
+                assert f"THE MOTOR MAY TURN. To stop it: rtu2fc stop {card.link}" in done.stderr
+
+
+def test_a_reader_that_stops_still_gets_the_stop_command(tmp_path):
+    with Card(tmp_path, "--quiet") as card:
+        for words in (("start", card.link, 40, "--yes"), ("start", card.link, 40, "--yes", "--json")):
+            command = subprocess.Popen(
+                [sys.executable, "-m", "sw.rtu2fc", *map(str, words)],
+                cwd=ROOT,
+                stdout=subprocess.PIPE,
+                stderr=subprocess.PIPE,
+                text=True,
+            )
+            if "--json" not in words:
+                assert command.stdout.readline().startswith("telegram: control word 047Ch")
+            command.stdout.close()
+            code, errors = command.wait(30), command.stderr.read()
+            command.stderr.close()
+            assert code == 1 and errors.startswith("THE MOTOR MAY TURN. To stop it: rtu2fc stop ")
+            assert errors.count("\n") == 1
+
+
+@pytest.mark.parametrize("dialect", first(["card", "builtin", "hvac_basic"]))
+def test_a_stop_that_does_not_reach_the_drive_says_so(tmp_path, dialect):
+    with Card(tmp_path, "--quiet", "--control", "--dialect", dialect) as card:
+        card.ask("start", 40, "--yes")
+        assert card.command("cut drive on") == "ok"
+        for command in ("stop", "coast", "reset"):
+            code, output = card.told(command)
+            assert code == 4, output
+            assert output.startswith(f"rtu2fc {command}: the card answers, but its drive does not\n")
+            assert "Swap A and B" not in output
+            assert output.endswith(
+                f"THE MOTOR MAY TURN. To stop it: rtu2fc stop {card.link} --unit 1 --baud 9600 --format 8N2\n"
+            )
+        card.command("cut drive off")
+        card.command("cut modbus on")
+        code, output = card.told("stop")
+        assert code == 4 and output.startswith("rtu2fc stop: no answer\n")
+        assert "THE MOTOR MAY TURN" in output, "it was asked to stop, and nobody heard it"
+        card.command("cut modbus off")
+        card.ask("stop")
+
+
 def test_a_reference_without_a_control_word_is_refused(tmp_path):
     with Card(tmp_path, "--quiet") as card:
         code, output = card.told("reference", 20)
