@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""A line of the virtual card, written by `rtu2fc check --record`, gives the same result without a port."""
+"""Lines of the virtual card, kept by --record of check and grade, give the same result without a port."""
 
 from __future__ import annotations
 
@@ -9,8 +9,10 @@ from pathlib import Path
 import pytest
 
 from sw.rtu2fc import cli
+from sw.rtu2fc.cases import REASONS
 
 RECORDED = Path(__file__).parent / "recorded/check.jsonl"
+GRADED = RECORDED.with_name("grade.jsonl")  # `rtu2fc grade` with its usual options
 CHECK = ["--drive", "yes", "--start", "40", "--yes"]
 
 
@@ -28,6 +30,19 @@ def test_a_recorded_line_passes_again(capsys):
     code, found = replayed(RECORDED, capsys)
     assert (code, found["failed"]) == (0, 0)
     assert sum(bool(row["passed"]) for row in found["rows"]) == 34
+
+
+def test_a_recorded_grade_has_its_verdicts_again(capsys):
+    """The dialect `card` has exception codes of its own: each case of an exception fails, and no other."""
+    code = cli.main(["grade", "nowhere", "--replay", str(GRADED), "--json"])
+    found = json.loads(capsys.readouterr().out)
+    assert (code, found["failed"]) == (1, 14)
+    outcomes = [test["outcome"] for test in found["tests"]]
+    assert (outcomes.count("pass"), outcomes.count("n.a.")) == (23, 10)
+    failed = {test["number"] for test in found["tests"] if test["outcome"] == "fail"}
+    assert failed == {number for numbers in REASONS.values() for number in numbers} - {
+        *("AP-25", "AP-26", "AP-27")  # not applicable here
+    }
 
 
 def test_another_answer_in_the_record_is_a_fault(capsys, tmp_path):
