@@ -94,9 +94,11 @@ def raw_of(one: Parameter, text: str) -> int:
     """The number on the wire for a value with decimals."""
     try:
         value = Decimal(text.replace(",", "."))
-    except InvalidOperation:
+        raw = value.scaleb(-one.conversion) if -6 < one.conversion < 6 else value
+        if not raw.is_finite():
+            raise InvalidOperation
+    except ArithmeticError:
         raise Problem(f"'{text}' is no number") from None
-    raw = value.scaleb(-one.conversion) if -6 < one.conversion < 6 else value
     if raw != raw.to_integral_value():
         raise Problem(f"{one} has steps of {Decimal(1).scaleb(one.conversion)} {one.unit}".rstrip())
     low, high = SIZES.get(one.type, (-0x80000000, 0xFFFFFFFF))

@@ -23,6 +23,7 @@ from .card import (
     NO_ANSWER_PAGE,
     RAMP_STOP,
     RUNNING,
+    SILENT,
     START,
     Card,
     percent_word,
@@ -140,12 +141,18 @@ class Check:
             raise Unexpected(f"{got} instead of {card.described(build(unit, wanted))}")
         return reply, got if reply[0] & 0x80 else ""
 
+    def skip_late(self, wrong: Exception) -> None:
+        """The next request must not get the late answer to this one. A stop does not wait for that."""
+        if str(wrong) == SILENT:
+            self.line.exchange(b"", self.card.answer_s)
+
     def table_row(self, row: Row) -> str:
         reply, remarks = b"", []
         for number, ask in enumerate(row.asks, 1):
             try:
                 reply, remark = self.ask(ask, reply)
             except (Unexpected, NoAnswer) as wrong:
+                self.skip_late(wrong)
                 step = f"request {number} of {len(row.asks)}: " if len(row.asks) > 1 else ""
                 hint = "; if a drive is connected, ask with --drive yes" if row.needs == "no drive" else ""
                 raise Unexpected(f"{step}{wrong}{hint}") from None
@@ -165,6 +172,7 @@ class Check:
         try:
             reply, _ = self.ask(ask)
         except (Unexpected, NoAnswer) as wrong:
+            self.skip_late(wrong)
             at = f"; to the first request: {wrong}"
             reply, _ = self.ask(ask)
         self.before = words(reply)

@@ -11,6 +11,7 @@ from __future__ import annotations
 import argparse
 import contextlib
 import os
+import re
 import signal
 import sys
 from collections.abc import Callable
@@ -22,7 +23,7 @@ from .card import Card
 from .dialects import DIALECTS
 from .drives import DRIVES
 from .port import Line, Replay, SerialPort
-from .problem import FAILED, MISUSE, STOPPED, Problem
+from .problem import FAILED, MISUSE, STOPPED, NoAnswer, Problem
 from .screen import Screen
 from .switches import BAUDS, FORMS
 
@@ -30,7 +31,11 @@ SIGNALS = [getattr(signal, name) for name in ("SIGINT", "SIGTERM", "SIGHUP") if 
 
 
 class Parser(argparse.ArgumentParser):
-    """One line for a wrong option, and exit code 2."""
+    """One line for a wrong option, and exit code 2. A decimal comma makes no option of a negative number."""
+
+    def __init__(self, **options: object) -> None:
+        super().__init__(**options)
+        self._negative_number_matcher = re.compile(r"-(\d+|\d*[.,]\d+)$")
 
     def error(self, message: str) -> None:
         self.exit(MISUSE, f"{self.prog}: {message}\n")
@@ -59,15 +64,15 @@ def one_of(values: tuple, what: str) -> Callable[[str], object]:
 
 def seconds(text: str) -> float:
     with contextlib.suppress(ValueError):
-        if 0 < float(text) < 1e9:
-            return float(text)
+        if 0 < (value := float(text.replace(",", "."))) < 1e9:
+            return value
     raise argparse.ArgumentTypeError(f"seconds are above 0, not '{text}'")
 
 
 def percent(text: str) -> float:
     with contextlib.suppress(ValueError):
-        if -199 <= float(text) <= 199:
-            return float(text)
+        if -199 <= (value := float(text.replace(",", "."))) <= 199:
+            return value
     raise argparse.ArgumentTypeError(f"the reference is -199 to 199 %, not '{text}'")
 
 
@@ -232,8 +237,17 @@ def graded(args: argparse.Namespace, screen: Screen) -> int:
     commands.agreed(
         args, f"the tests write coils and registers of unit {args.unit}: a motor behind it may start"
     )
+    behind = f"A motor behind unit {args.unit} may turn. To stop it: {stop_command(args)}"
     with contextlib.closing(opened(args)) as line:
-        return grade.run(args, screen, line)
+        try:
+            code = grade.run(args, screen, line)
+        except NoAnswer:  # before the first test: nothing was written
+            raise
+        except BaseException:
+            screen.motor = behind
+            raise
+        screen.motor = behind
+        return code
 
 
 def on_line(run: Callable, args: argparse.Namespace, screen: Screen) -> int:
@@ -293,7 +307,7 @@ def main(arguments: list[str] | None = None) -> int:
         screen.problem(args.command, problem)
     except KeyboardInterrupt as stopped:
         code = STOPPED
-        print(f"rtu2fc {args.command}: {stopped or 'stopped by Ctrl-C'}", file=sys.stderr)
+        screen.problem(args.command, Problem(str(stopped) or "stopped by Ctrl-C"))
     except OSError as error:  # a file that an option names, or the output
         code = failed_output(args, screen, error)
     finally:

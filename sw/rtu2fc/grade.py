@@ -17,7 +17,7 @@ from . import VERSION
 from .cases import BYTES, CASES, FUNCTIONS, REASONS, Heard, Profile, Send, own_codes
 from .engine import FAIL, HIDDEN, OWN_CODE, PASS, NoAnswer, Silence, Verdict, grade
 from .line import Format
-from .port import Line
+from .port import Line, written
 from .problem import DONE, FAILED, Problem
 from .screen import CROSS, NOT_ASKED, TICK, Screen
 
@@ -155,30 +155,40 @@ def page(title: str, summary: str, found: list[dict]) -> str:
 
 
 def run(args: argparse.Namespace, screen: Screen, line: Line) -> int:
-    profile = profile_of(args)
+    profile, verdicts, ended = profile_of(args), [], None
 
     def show(verdict: Verdict) -> None:
+        verdicts.append(verdict)
         if verdict.outcome != HIDDEN:
             mark = MARKS.get(verdict.outcome, NOT_ASKED)
             screen.row(mark, f"{verdict.outcome:8} {verdict.number:6} {verdict.text}".rstrip(), indent=18)
 
     try:
-        verdicts = grade(ByteDriver(line, args.timeout, args.gap), profile, each=show)
+        grade(ByteDriver(line, args.timeout, args.gap), profile, each=show)
     except Silence as silence:
         raise NoAnswer(
             str(silence),
             "Check --unit, --baud, --format, and A and B at the master.",
             f"Rate, format or unit not known: rtu2fc scan {line.name}",
         ) from None
+    except (KeyboardInterrupt, Problem) as reason:
+        if not verdicts:
+            raise
+        ended = reason
     counts = Counter(one.outcome for one in verdicts)
     own = f"{counts[OWN_CODE]} with the slave's own code; " if counts[OWN_CODE] else ""
     summary = f"{counts[FAIL]} failed; {own}{counts[HIDDEN]} tests need the pins (docs/guide/testing.md)."
+    if ended:
+        summary = f"Ended after {len(verdicts)} of {len(CASES)} tests: {summary}"
     screen.say(summary)
     found = entries(verdicts)
     screen.result |= {"slave": f"unit {profile.unit}, {profile.fmt}", "failed": counts[FAIL], "tests": found}
-    if args.report:
+    if args.report and not isinstance(ended, Problem):
         title = f"Modbus RTU slave, unit {profile.unit}, {profile.fmt}"
         is_page = args.report.suffix == ".html"
         data = page(title, summary, found) if is_page else json.dumps(screen.result, indent=1)
-        args.report.write_text(data, encoding="utf-8")
+        with written(args.report):
+            args.report.write_text(data, encoding="utf-8")
+    if ended:
+        raise ended
     return FAILED if counts[FAIL] else DONE

@@ -11,7 +11,7 @@ import errno
 import json
 import sys
 import time
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from pathlib import Path
 from typing import Protocol
 
@@ -26,6 +26,15 @@ from .rtu import PS_PER_S, t35_ps
 SLACK_S = 0.15  # adapter and computer; silence is so much longer than the latest reply
 POLL_S = 0.01
 LONGEST_FRAME = 256
+
+
+@contextlib.contextmanager
+def written(file: object) -> Iterator[None]:
+    """What the system says of a full disk does not name the file."""
+    try:
+        yield
+    except OSError as error:
+        raise Problem(f"{file}: {error.strerror}") from None
 
 
 class Port(Protocol):
@@ -152,7 +161,7 @@ class Line:
     def close(self) -> None:
         self.port.close()
         if self._record:
-            self._record.close()
+            self._keep(self._record.close)
 
     def exchange(
         self, frame: bytes, wait_s: float, quiet_s: float | None = None, whole: bool = True
@@ -206,7 +215,18 @@ class Line:
 
     def _note(self, entry: dict) -> None:
         if self._record:
-            self._record.write(json.dumps(entry) + "\n")
+            self._keep(lambda: self._record.write(json.dumps(entry) + "\n"))
+
+    def _keep(self, write: Callable[[], object]) -> None:
+        """A full disk is said once. The line works on without its record: a stop may have to be sent."""
+        try:
+            with written(self._record.name):
+                write()
+        except Problem:
+            record, self._record = self._record, None
+            with contextlib.suppress(OSError):
+                record.close()
+            raise
 
 
 class Replay(Line):

@@ -107,6 +107,7 @@ class Scan:
 
 def scan(args: argparse.Namespace, screen: Screen) -> int:
     scan = Scan(args, screen)
+    screen.result["found"] = scan.found  # grows, and is shown after Ctrl-C too
     bauds = [args.baud] if args.baud else BAUDS
     forms = [args.format] if args.format else FORMS
     if args.units:
@@ -123,7 +124,6 @@ def scan(args: argparse.Namespace, screen: Screen) -> int:
         for baud, form in settings:
             if args.all or not scan.found:
                 scan.ask(baud, form, units)
-    screen.result["found"] = scan.found
     if not scan.found:
         raise NoAnswer(
             "nobody answers at any rate, format and unit",

@@ -15,6 +15,7 @@ from rich.live import Live
 from rich.table import Table
 
 from .card import Card, Parameter, parameter
+from .port import written
 from .problem import DONE, NoAnswer, Refused
 from .screen import Screen
 
@@ -103,17 +104,22 @@ def csv_rows(path: Path | None, series: list[Series]) -> Iterator[object]:
     if path is None:
         yield lambda at: None
         return
-    with path.open("w", newline="", encoding="utf-8") as file:
-        rows = csv.writer(file)
-        rows.writerow(["seconds", *(f"{one.one} {one.one.unit}".strip() for one in series)])
+    file = path.open("w", newline="", encoding="utf-8")
+    rows = csv.writer(file)
 
-        def append(at: float) -> None:
+    def append(at: float) -> None:
+        with written(path):
             rows.writerow(
                 [f"{at:.3f}", *("" if one.values[-1] is None else one.values[-1] for one in series)]
             )
             file.flush()
 
+    try:
+        rows.writerow(["seconds", *(f"{one.one} {one.one.unit}".strip() for one in series)])
         yield append
+    finally:
+        with written(path):
+            file.close()
 
 
 def watch(args: argparse.Namespace, screen: Screen, card: Card) -> int:
@@ -150,7 +156,8 @@ def watch(args: argparse.Namespace, screen: Screen, card: Card) -> int:
         screen.say(f"{one.one}: {min(one.numbers):.6g} to {max(one.numbers):.6g} {one.one.unit}".rstrip())
         screen.say(trend)
     if args.plot:
-        args.plot.write_text(svg(series), encoding="utf-8")
+        with written(args.plot):
+            args.plot.write_text(svg(series), encoding="utf-8")
         screen.say(f"plot: {args.plot}")
     screen.result["readings"] = len(series[0].times)
     return DONE

@@ -441,6 +441,52 @@ def test_an_adapter_that_echoes_is_understood():
     adapter.close()
 
 
+@pytest.mark.parametrize("late", [0, 20, 35])
+def test_one_late_answer_is_one_cross_at_most(capsys, late):
+    """The answer to one request comes after the next one is sent, or while the line is only heard."""
+    line = ModelLine("card", None)
+    exchange, held, asked = line.exchange, [], []
+
+    def slow(frame: bytes, wait_s: float) -> tuple[bytes, float]:
+        if not frame:
+            heard = b"".join(held)
+            held.clear()
+            return heard, 0.0
+        held.append(exchange(frame, wait_s)[0])
+        asked.append(frame)
+        if len(asked) == late + 2:  # after the search for the adapter's echo
+            return b"", 0.0
+        return held.pop(0), T35_S
+
+    line.exchange = slow
+    ask(line)
+    assert len(crosses(capsys.readouterr().out)) <= 1
+
+
+def test_a_request_comes_after_a_silence_of_t35():
+    """Of the bytes on a slow line, so that the computer's own delays do not hide a missing silence."""
+
+    class Timed:
+        name, answer, sent, heard = "port", [], [], []
+
+        def write(self, data: bytes) -> None:
+            self.sent.append(time.monotonic())
+            self.answer.append(with_crc(bytes.fromhex("01 03 02 000F")))
+
+        def read(self, seconds: float) -> bytes:
+            self.heard.append(time.monotonic())
+            return self.answer.pop() if self.answer and seconds else b""
+
+        def close(self) -> None: ...
+
+    port = Timed()
+    line = Line(port, 300, "8N2")
+    line.exchange(READ_40003, 1.0)
+    ended = port.heard[-1]
+    line.exchange(READ_40003, 1.0)
+    assert port.sent[1] - ended >= 3.5 * 11 / 300
+
+
 def test_bytes_between_the_frames_are_kept():
     ours, port = os.openpty()
     line = Line(SerialPort(os.ttyname(port)), 9600, "8N2")

@@ -250,6 +250,92 @@ def test_a_stop_that_does_not_reach_the_drive_says_so(tmp_path, dialect):
         card.ask("stop")
 
 
+@pytest.mark.parametrize("typed", ["y\n", "\n", "no\n", "", "yes\n"])
+def test_only_yes_starts_a_motor(tmp_path, typed, monkeypatch):
+    """An empty text is Ctrl-D."""
+    terminal = io.StringIO(typed)
+    terminal.isatty = lambda: True
+    monkeypatch.setattr(sys, "stdin", terminal)
+    with Card(tmp_path, "--quiet") as card:
+        code, output = card.told("start", 10)
+        card.stop()
+        assert (code, card.controls()) == ((0, ["047C"]) if typed == "yes\n" else (2, []))
+        assert "nothing was sent" in output or typed == "yes\n"
+
+
+def test_a_failed_start_has_the_stop_command_in_its_json(tmp_path, monkeypatch):
+    monkeypatch.setattr(commands, "TURN_S", 0.2)
+    with Card(tmp_path, "--quiet", "--control") as card:
+        card.command("trip 13")
+        tripped = card.ask("start", 40, "--yes", code=1)
+        card.command("cut drive on")
+        code, output = card.told("start", 40, "--yes", "--json")
+        assert code == 4
+    for found in (tripped, json.loads(output.splitlines()[-1])):
+        assert found["motor"].startswith(f"THE MOTOR MAY TURN. To stop it: rtu2fc stop {card.link} ")
+
+
+def test_grade_says_that_it_may_leave_a_motor_on(tmp_path):
+    """After Ctrl-C too, with the tests so far. A slave that is silent was sent no write."""
+    report = tmp_path / "report.json"
+    says = "A motor behind unit 1 may turn. To stop it: rtu2fc stop "
+    with Card(tmp_path, "--quiet") as card:
+        words = ["grade", str(card.link), "--yes", "--json", "--report", str(report)]
+        command = subprocess.Popen(
+            [sys.executable, "-m", "sw.rtu2fc", *words],
+            cwd=ROOT,
+            stdout=subprocess.PIPE,
+            stderr=subprocess.PIPE,
+            text=True,
+        )
+        while not any("write" in frame.what for frame in card.frames() if frame.line == "modbus"):
+            assert command.poll() is None
+            time.sleep(0.05)
+        time.sleep(0.5)
+        command.send_signal(signal.SIGINT)
+        output, errors = command.communicate(timeout=30)
+        assert command.returncode == 130 and errors.startswith(says), errors
+        found = json.loads(output)
+        assert found["error"]["text"] == "stopped by Ctrl-C" and found["motor"].startswith(says)
+        assert json.loads(report.read_text())["tests"] == found["tests"] != []
+        code, output = card.told("grade", "--yes", "--unit", 3, "--report", report)
+        assert code == 4 and "may turn" not in output
+        assert json.loads(report.read_text())["tests"] == found["tests"], "the old file stays"
+
+
+def test_a_full_disk_is_named(card, tmp_path):
+    """No traceback, neither at the end of a command nor from the interpreter."""
+    for words in (
+        ("read", card.link, 104, "--record", "/dev/full"),
+        ("watch", card.link, 104, "--for", 0.1, "--csv", "/dev/full"),
+        ("watch", card.link, 104, "--for", 0.1, "--plot", "/dev/full"),
+    ):
+        done = run(*words)
+        assert (done.returncode, done.stderr) == (
+            2,
+            f"rtu2fc {words[0]}: /dev/full: No space left on device\n",
+        )
+    with Path("/dev/full").open("w") as full:
+        words = [sys.executable, "-m", "sw.rtu2fc", "read", str(card.link), "104", "--json"]
+        done = subprocess.run(words, cwd=ROOT, stdout=full, stderr=subprocess.PIPE, text=True, check=False)
+    assert (done.returncode, done.stderr) == (2, "rtu2fc read: the output: No space left on device\n")
+
+
+def test_ctrl_c_while_the_program_is_imported_is_one_line():
+    script = """import runpy, sys, builtins
+was = builtins.__import__
+def stops(name, *rest, **named):
+    if name.startswith("rich"):
+        raise KeyboardInterrupt
+    return was(name, *rest, **named)
+builtins.__import__ = stops
+runpy.run_module("sw.rtu2fc", run_name="__main__")"""
+    done = subprocess.run(
+        [sys.executable, "-c", script], cwd=ROOT, capture_output=True, text=True, check=False
+    )
+    assert (done.returncode, done.stderr) == (130, "rtu2fc: stopped by Ctrl-C\n")
+
+
 def test_a_reference_without_a_control_word_is_refused(tmp_path):
     with Card(tmp_path, "--quiet") as card:
         code, output = card.told("reference", 20)
@@ -294,7 +380,7 @@ def test_a_value_is_scaled_by_its_conversion_index(pnu, text, raw):
     assert raw_of(parameter("vlt6000", pnu), text) == raw
 
 
-@pytest.mark.parametrize("text", ["60.5", "70000", "x"])
+@pytest.mark.parametrize("text", ["60.5", "70000", "x", "1e999999999", "snan", "nan", "inf"])
 def test_a_value_that_cannot_be_sent_is_refused(text):
     with pytest.raises(Problem):
         raw_of(parameter("vlt6000", "104"), text)
@@ -318,6 +404,17 @@ def test_parameters_are_read_and_written(tmp_path, dialect):
             f.what for f in card.frames() if f.line == "modbus" and f"write register {register}" in f.what
         ]
         assert said and said[-1].endswith("= 0000h"), "as it was before"
+
+
+@pytest.mark.parametrize(("pnu", "text", "raw", "shown"), [
+    ("211", "-1.5", -150, "-1.50 %"),
+    ("225", "-2", -2000, "-2.000 Hz"),
+])  # fmt: skip
+def test_a_negative_value_is_shown(card, pnu, text, raw, shown):
+    """int16 and int32."""
+    found = card.ask("write", pnu, text)
+    assert (found["raw"], found["after"]) == (raw, shown)
+    assert card.ask("read", pnu)["parameters"][0]["raw"] == raw
 
 
 def test_an_eeprom_write_leaves_coil_65_as_it_was(card):
@@ -409,6 +506,9 @@ def test_a_busy_port_is_one_line(card):
         (["status", "socket://127.0.0.1:1"], 3, "127.0.0.1:1 cannot be opened: [Errno "),
         (["check", "p", "--row", "no such row"], 2, "no row has 'no such row' in its title"),
         (["watch", "p", "1", "--plot", "nowhere/x.svg"], 2, "--plot: nowhere/x.svg: No such file"),
+        (["grade", "p", "--unknown", "3"], 2, "rtu2fc grade: --unknown 3 is one of --functions"),
+        (["start", "no/such/port", "-40,5"], 3, "there is no no/such/port\n"),
+        (["watch", "no/such/port", "1", "--every", "0,5"], 3, "there is no no/such/port\n"),
         (["grade", "p", "--report", "nowhere/x.json"], 2, "--report: nowhere/x.json: No such file"),
         (["status", "p", "--replay", "nowhere.json"], 2, "rtu2fc status: nowhere.json: No such file"),
         (["status", "p", "--replay", "VERSION"], 2, "rtu2fc status: VERSION is no record of rtu2fc"),
@@ -526,10 +626,31 @@ def test_watch_writes_a_table_a_log_and_a_plot(card, tmp_path):
     assert files["--plot"].read_text().count("<polyline") == 2
 
 
-def test_ctrl_c_is_the_usual_end_of_watch(card):
-    words = [sys.executable, "-m", "sw.rtu2fc", "watch", str(card.link), "514", "--every", "0.2"]
+def test_a_command_that_fails_leaves_the_old_plot(card, tmp_path):
+    plot = tmp_path / "w.svg"
+    plot.write_text("old")
+    assert card.told("watch", 514, "--unit", 3, "--for", 0.1, "--plot", plot)[0] == 4
+    assert plot.read_text() == "old"
+
+
+def test_ctrl_c_is_the_usual_end_of_watch(card, tmp_path):
+    """Each row is in the log as soon as it is shown."""
+    log = tmp_path / "w.csv"
+    words = [
+        sys.executable,
+        "-m",
+        "sw.rtu2fc",
+        "watch",
+        str(card.link),
+        "514",
+        "--every",
+        "0.2",
+        "--csv",
+        log,
+    ]
     command = subprocess.Popen(words, cwd=ROOT, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True)
     assert "514 = " in command.stdout.readline()
+    assert log.read_text().count("\n") >= 2
     command.send_signal(signal.SIGINT)
     output, errors = command.communicate(timeout=30)
     assert (command.returncode, errors) == (0, "")
@@ -546,6 +667,22 @@ def test_scan_finds_rate_and_unit(tmp_path, monkeypatch):
         card.stop()
         asked = {frame.data[1] for frame in card.frames() if frame.sender == "master"}
     assert asked == {3}, "it only reads"
+
+
+def test_what_a_scan_has_found_is_there_after_ctrl_c(tmp_path, monkeypatch):
+    monkeypatch.setattr(scan, "LISTEN_S", 0.1)
+    monkeypatch.setattr(scan, "ANSWER_S", 1.0)
+    asks = scan.Scan.ask
+
+    def stopped(self, *words) -> None:
+        asks(self, *words)
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr(scan.Scan, "ask", stopped)
+    with Card(tmp_path, "--quiet") as card:
+        found = card.ask("scan", "--units", "1", code=130)
+    assert [one["unit"] for one in found["found"]] == [1]
+    assert found["error"]["text"] == "stopped by Ctrl-C"
 
 
 def test_frames_are_found_among_other_bytes():
