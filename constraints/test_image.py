@@ -25,12 +25,11 @@ from tb.lib.runner import ROOT
 pytestmark = pytest.mark.nightly("synth")
 
 BOARDS = boards()
-# A board of each family, with the small configuration, which routes faster.
-SMALL = {"config": "tiny", "clk_hz": BOARDS["card-xo2-1200"].clk_hz}
+# A board of each family.
 FULL = {
-    "ice40": replace(BOARDS["hx8k-breakout"], **SMALL),
+    "ice40": BOARDS["hx8k-breakout"],
     "machxo2": BOARDS["card-xo2-1200"],
-    "ecp5": replace(BOARDS["ulx3s-25"], **SMALL),
+    "ecp5": BOARDS["ulx3s-25"],
     "gowin": BOARDS["card-gw1n-9"],
 }
 

@@ -92,7 +92,7 @@ def test_a_branch_that_no_test_takes_fails_and_a_good_run_writes_its_table(monke
     monkeypatch.setattr(firmware_coverage, "measure", lambda: None)
 
     def main(file: str, taken: int, *options: str) -> int:
-        def counted(folder, uncalled):
+        def counted(folder):
             numbers = {"coils.c": (10, 10), "leds.c": (10, 10)} | {file: (taken, 10)}
             return numbers, dict.fromkeys(numbers, (5, 5)), {file: [7] if taken < 10 else []}
 
@@ -100,7 +100,7 @@ def test_a_branch_that_no_test_takes_fails_and_a_good_run_writes_its_table(monke
         return firmware_coverage.main(list(options))
 
     assert main("coils.c", 9) == 1
-    assert "hole  all: coils.c: line 7" in capsys.readouterr().out
+    assert "hole  coils.c: line 7" in capsys.readouterr().out
     assert not (written / "firmware-branches.md").exists()
     assert main("leds.c", 10, "--write") == 0
     assert (written / "firmware-branches.md").read_text().count("10 of 10") == 2 * (len(DIALECTS) + 1)
@@ -152,6 +152,6 @@ def test_an_excuse_ends_with_a_change_of_its_function(tmp_path, monkeypatch):
     text = path.read_text()
     path.write_text(text.replace("orders_repeat(g);", "(orders_repeat)(g);"))
     assert firmware_mutate.outdated() == []
-    path.write_text(text.replace("g->asks_drive = is_newest(g);", "g->asks_drive = (is_newest(g));"))
+    path.write_text(text.replace("translate_drive_again(g->", "(translate_drive_again)(g->"))
     (said,) = firmware_mutate.outdated()
     assert said.startswith("survivors.toml: exchange.c: `TRAITS.text_by_size && ")
