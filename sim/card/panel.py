@@ -120,7 +120,7 @@ def switch_row(digits: str, cursor: int | None) -> Text:
     """Levers up (1) or down; the selected lever is highlighted."""
     row = Text()
     for number, digit in enumerate(digits):
-        row.append("▀" if digit == "1" else "▄", style="reverse" if number == cursor else "bold")
+        row.append("▀" if digit == "1" else "▄", style="bold yellow" if number == cursor else "bold")
         row.append(" ")
     return row
 
