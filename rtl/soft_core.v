@@ -41,17 +41,12 @@ module soft_core #(
       wire [3:0] data_select;
       wire data_write;
       wire data_valid;
-      // Without this clock of delay the longest path of the small card would go from SERV's counter
-      // through the arbiter to the commit gate.
-      reg data_asked = 1'b0;
 
       // Never both at once: SERV fetches after the previous instruction has ended.
-      assign bus_valid = fetch_valid || data_asked;
-      assign bus_addr = data_asked ? data_addr : fetch_addr;
-      assign bus_wstrb = data_select & {4{data_asked && data_write}};
+      assign bus_valid = fetch_valid || data_valid;
+      assign bus_addr = data_valid ? data_addr : fetch_addr;
+      assign bus_wstrb = data_select & {4{data_valid && data_write}};
       assign trap = 1'b0;
-
-      always @(posedge clk) data_asked <= data_valid && !bus_ready && !rst;
 
       serv_rf_top #(
           .RESET_PC(32'd0),
@@ -71,7 +66,7 @@ module soft_core #(
           .o_dbus_we(data_write),
           .o_dbus_cyc(data_valid),
           .i_dbus_rdt(bus_rdata),
-          .i_dbus_ack(bus_ready && data_asked),
+          .i_dbus_ack(bus_ready && data_valid),
           .i_ext_rd(32'd0),
           .i_ext_ready(1'b0)
       );
