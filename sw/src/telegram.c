@@ -33,8 +33,9 @@ uint32_t telegram_process(struct transaction *txn, uint32_t control, enum target
 uint32_t telegram_parameter(struct transaction *txn, uint32_t ak, uint32_t index, uint32_t bytes, frame_byte *data)
 {
     uint8_t *const telegram = txn->out.telegram;
+    const frame_byte *const end = data + bytes;
     uint32_t at = AT_VALUE;
-    uint32_t i;
+    uint8_t *to;
 
     txn->target = bytes == 0 ? TARGET_READING : TARGET_PARAMETER;
     if (txn->expects == EXPECT_TEXT) {
@@ -48,12 +49,13 @@ uint32_t telegram_parameter(struct transaction *txn, uint32_t ak, uint32_t index
     put_word(telegram + AT_VALUE + 2, 0);
     if (txn->expects == EXPECT_NUMBER)
         at += PWE_BYTES - bytes;
-    for (i = 0; i < bytes; i++) /* at most 20 turns: 10 registers of 2 characters */
-        telegram[at++] = data[i].byte;
+    to = telegram + at;
+    for (; data != end; data++) /* at most 20 turns: 10 registers of 2 characters */
+        *to++ = data->byte;
     if (bytes == 0)
-        at = AT_VALUE + PWE_BYTES;
+        to = telegram + AT_VALUE + PWE_BYTES;
     /* Bit 10 of the control word is 0: the drive ignores the process data (FC-5). */
-    return finish(txn, at, 0, 0);
+    return finish(txn, (uint32_t)(to - telegram), 0, 0);
 }
 
 void telegram_as_other(struct transaction *txn)
