@@ -80,8 +80,8 @@ synth_gowin -family {device} -top {top} -run map_ffs:vout
 """.strip(),
 }
 # Seconds of processor time after which a seed counts as not routable: in a part that is almost full nextpnr
-# may exchange the same wires for ever. A seed that fits the small card takes 20 s.
-ROUTE_S = 60
+# may exchange the same wires for ever. A large part takes some minutes.
+ROUTE_S = 600
 SUFFIX = {"ice40": ".asc", "machxo2": ".config", "ecp5": ".config", "gowin": ".routed"}
 # Look-up tables that each of nextpnr's cells occupies; a RAM16SDP4 takes four for its bits, two to write.
 CELLS = {
