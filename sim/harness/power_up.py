@@ -3,6 +3,9 @@
 
 An FPGA loads these values with its configuration. Flip-flops of another technology hold anything, as do those
 after a dip of the supply. The memory keeps its firmware image: $readmemh stays. Line numbers stay, too.
+The synchronisers keep their value, because that of reset_sync is the reset itself. No circuit could do without it:
+flip-flops that hold a running card at power-up look as they do when rst_n falls, and then nothing may reach the
+memory before the clock.
 """
 
 from __future__ import annotations
@@ -19,6 +22,7 @@ COMMENT = re.compile(r"//[^\n]*|/\*.*?\*/", re.DOTALL)
 STATEMENT = re.compile(r"\binitial\b(?=\s)")
 WORD = re.compile(r"\b(begin|end)\b|;")
 IMAGE = "$readmemh"
+KEPT = "sync_2ff"
 
 
 def without_values(text: str) -> str:
@@ -43,7 +47,8 @@ def copies_without_values(sources: Sequence[Path], folder: Path) -> list[Path]:
     for path in sources:
         copies.append(folder / path.relative_to(ROOT if path.is_relative_to(ROOT) else path.anchor))
         copies[-1].parent.mkdir(parents=True, exist_ok=True)
-        copies[-1].write_text(without_values(path.read_text()))
+        text = path.read_text()
+        copies[-1].write_text(text if path.stem == KEPT else without_values(text))
     return copies
 
 
