@@ -11,9 +11,8 @@ from dataclasses import replace
 
 import pytest
 
-from campaigns.conformance import run
 from campaigns.conformance.card import PROFILE, CardDriver
-from campaigns.conformance.designs import Design, DesignError, designs, fetched
+from campaigns.conformance.designs import Design, designs
 from campaigns.conformance.designs import grade as grade_design
 from campaigns.conformance.fixture import PROFILE as PLAIN
 from campaigns.conformance.fixture import Slave
@@ -21,7 +20,7 @@ from campaigns.conformance.ports import PtyPort
 from rtl.sources import ROOT
 from sw.rtu2fc import cli
 from sw.rtu2fc.cases import CASES
-from sw.rtu2fc.engine import FAIL, NONE, OWN_CODE, PASS, NoAnswer, Verdict, grade
+from sw.rtu2fc.engine import FAIL, NONE, OWN_CODE, PASS, NoAnswer, grade
 from sw.rtu2fc.grade import ByteDriver
 from sw.rtu2fc.port import Line
 from sw.rtu2fc.problem import PortError
@@ -226,37 +225,3 @@ def test_a_slave_with_an_unconnected_de_fails(tmp_path):
         "SL-24": FAIL,
         "AP-9": NONE,
     }
-
-
-def test_a_design_that_cannot_be_fetched_or_built_is_one_line(tmp_path):
-    with pytest.raises(DesignError, match=r"^cannot fetch .*/none at 0123456789ab: .+$") as error:
-        fetched("nobody", f"{tmp_path}/none", "0123456789ab" * 3 + "0123")
-    assert "\n" not in str(error.value)
-    entry = designs()["holding_registers"].entry | {"top": "no_such_top"}
-    with pytest.raises(DesignError, match=r"was not graded; build/conformance/no_such_top/\*\.log say why$"):
-        grade_design(Design("no_such_top", entry))
-
-
-def test_the_page_waits_for_every_slave(monkeypatch, written, capsys):
-    """Two slaves without a simulation, one of them ours; results and page in a folder of their own."""
-    verdicts = [Verdict(case.number, PASS) for case in CASES]
-    found = [Verdict("SL-1", FAIL, "no reply"), Verdict("SL-2", NONE, "no function 5"), *verdicts[2:]]
-    subjects = {
-        "one": run.Subject("one", "one", "pty", lambda: found),
-        "ours": run.Subject("ours", "ours", "pins", lambda: verdicts, ours=True),
-    }
-    monkeypatch.setattr(run, "subjects", lambda: subjects)
-    monkeypatch.setattr(run, "named", lambda path: path.name)
-    monkeypatch.setattr(run, "KEPT", written / "KEPT")
-    assert run.main(["--only", "one"]) == 1, "it fails a test"
-    shown = capsys.readouterr().out
-    assert "  fail       SL-1   no reply\n" in shown
-    report = written / "conformance.md"
-    assert "no report yet: it needs a result of ours, too\n" in shown and not report.exists()
-    assert run.main(["--only", "ours"]) == 0
-    page = report.read_text()
-    assert f"| one | pty |  | {len(CASES) - 2} | 0 | 1 | 1 | 0 |" in page and "| ours | pins |" in page
-    assert "- SL-1: no reply\n" in page and "| SL-1 | **✗** | ✓ |\n| SL-2 | n.a. | ✓ |" in page
-    run.KEPT.write_text("{}}")
-    with pytest.raises(run.ConformanceError, match=r"^KEPT is damaged; delete it and grade"):
-        run.main([])

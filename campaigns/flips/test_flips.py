@@ -17,7 +17,6 @@ import pytest
 
 from campaigns.flips import run as flips
 from campaigns.flips.group import outcomes
-from campaigns.flips.run import FlipsError, merge
 from campaigns.flips.trial import (
     BAUDS,
     FORBIDDEN,
@@ -32,17 +31,15 @@ from campaigns.flips.trial import (
     telegrams,
     too_early,
     trial,
-    turns_green,
 )
-from campaigns.fuzz.case import BOOT_S, Played, clk_hz
+from campaigns.fuzz.case import Played, clk_hz
 from rtl.sources import ROOT, configuration
 from sim.harness.library import Target
-from sim.harness.pins import SIGNALS
 from tb.agents import rtu
 from tb.agents.crc16 import with_crc
 from tb.lib.bound import at_most, words
 from tb.lib.rows import each_row
-from tb.model.fc_telegram import ADR_BROADCAST, build_process
+from tb.model.fc_telegram import build_process
 from tb.model.whole_card import NEVER, Verdict
 from tb.model.wire import Burst, CardCharacter, FarCharacter, LineFormat, drive_line
 
@@ -159,29 +156,6 @@ def test_no_flip_of_a_core_makes_a_telegram(places, core, each: int):
         outcome, *_ = trial("test", places, Flip(round(end + 500), path, 0, bit, "core"), events)
         assert outcome.what in ("reset by the watchdog", "no effect"), outcome
         assert outcome.recovered, outcome
-
-
-@pytest.mark.rule("LED-1")
-@pytest.mark.parametrize(
-    ("red", "green", "network", "turns"), [(500, 500, 0, 1), (500, 501, 0, 0), (500, 500, 1, 0)]
-)
-def test_the_step_from_red_to_green_is_one_of_the_show(red, green, network, turns):
-    """Later the network LED is lit whenever the drive LED is (LED-2)."""
-    edges: dict[int, list[tuple[int, int]]] = {number: [] for number in range(len(SIGNALS))}
-    edges[SIGNALS.index("led_drive_red")] = [(100, 1), (red, 0)]
-    edges[SIGNALS.index("led_drive_green")] = [(green, 1)]
-    edges[SIGNALS.index("led_modbus_red")] = [(400, network)]
-    assert turns_green(edges) == [500] * turns
-
-
-@pytest.mark.rule("SAFE-4", "WDG-1")
-@pytest.mark.parametrize("part_of_boot", [0.98, pytest.param(0.5, marks=pytest.mark.nightly)])
-def test_a_reset_before_the_traffic_counts(places, part_of_boot):
-    """The second one is not over when the traffic begins, so requests have no answer."""
-    trap = next(register for register in places.registers if register.name == "trap")
-    at = int(part_of_boot * BOOT_S * clk_hz(BAUD))
-    outcome, *_ = trial("test", places, Flip(at, trap.path, 0, 0, "core"))
-    assert outcome.what == "reset by the watchdog" and outcome.recovered, outcome
 
 
 @pytest.mark.rule("SAFE-4", "LED-5")
@@ -452,25 +426,6 @@ def test_verdict_on_telegrams(asked, sent, replies, expected):
     assert verdict_of(asked, sent, replies) == expected
 
 
-@pytest.mark.rule("FRAME-7")
-@each_row(("confirmed", "expected"), [(False, ""), (True, FORBIDDEN[1])])
-def test_an_image_that_stands_for_two_writes_may_go_to_the_drive_alone(confirmed, expected):
-    """The write to the card alone may wait when one to all commits."""
-    to_all = heard(rtu.build(0, bytes.fromhex("0f 0010 0010 02 2222")), 90 * LINE.clk_hz / 1000)
-    sent = [(build_process(0x047C, 0x2222), 120)]
-    assert verdict_of(COMMAND, sent, [(CONFIRMED, 75)] * confirmed, to_all) == expected
-
-
-def test_reply_made_by_a_flip_confirms_nothing():
-    """The reply came before the commit of the broadcast: broadcast and reference are lost."""
-    ms = LINE.clk_hz / 1000
-    to_all = rtu.build(0, bytes.fromhex("0f0000002004 7c04 ff3f"))
-    made_up = with_crc(bytes.fromhex("000f 0000 0020"))
-    for reference, expected in ((0x0000, ""), (0x3FFF, ""), (0x1234, FORBIDDEN[1])):
-        telegram = [(build_process(0x047C, reference), 110)]
-        assert verdict_of(to_all, telegram, [(made_up, 50)], heard(COMMAND, 90 * ms)) == expected
-
-
 @pytest.mark.rule("SAFE-4", "WDG-1")
 @each_row("confirmed", [True, False])
 @each_row("reset_ms", [NEVER, 80.0])
@@ -488,55 +443,6 @@ def test_only_a_restart_forgets_a_confirmed_command(confirmed, reset_ms):
     assert verdict(0x043C) == FORBIDDEN[1]
 
 
-@each_row("when", [0.0, 0.5, 0.97, 1.0])
-def test_revoked_command_requests_nothing(when):
-    end = heard(COMMAND, 40 * LINE.clk_hz / 1000)[-1].end
-    revoking = heard(b"\x55", end + too_early(LINE, when) * LINE.bit)
-    assert verdict_of(COMMAND, [(TELEGRAM, 50)], [], revoking) == FORBIDDEN[0]
-    behind = heard(b"\x55", end + (LINE.t35_bits + 0.3) * LINE.bit)
-    assert verdict_of(COMMAND, [(TELEGRAM, 50)], [], behind) == ""
-
-
-def test_broadcast_and_request_before_another_telegram_have_no_repeat():
-    to_all = rtu.build(0, COMMAND[1:-2])
-    telegram = build_process(0x047C, 0, ADR_BROADCAST)
-    assert verdict_of(to_all, [(telegram, 50)], []) == ""
-    assert verdict_of(to_all, [(telegram, 50), (telegram, 90)], []) == FORBIDDEN[0]
-    newer = heard(rtu.build(1, rtu.read_registers(5139, 2)), 70 * LINE.clk_hz / 1000)
-    assert verdict_of(COMMAND, [(TELEGRAM, 50), (TELEGRAM, 120)], [], newer) == FORBIDDEN[1]
-
-
-@pytest.mark.rule("FRAME-7")
-@each_row("pdu", [rtu.read_coils(0, 8), b"\x2b\x0e", bytes.fromhex("0f 0000 0010 03 7c0400")])
-def test_waiting_write_has_its_telegram_and_one_repeat_after_a_newer_request(pdu):
-    """Also after a newer request that the card refuses: an unknown function, a wrong byte count."""
-    newer = heard(rtu.build(1, pdu), 70 * LINE.clk_hz / 1000)
-    once, twice = [(TELEGRAM, 120)], [(TELEGRAM, 120), (TELEGRAM, 280)]
-    assert verdict_of(COMMAND, once, [], newer) == ""
-    assert verdict_of(COMMAND, twice, [], newer) == "telegram again or late"
-    assert verdict_of(COMMAND, [*twice, (TELEGRAM, 440)], [], newer) == FORBIDDEN[0]
-
-
-@pytest.mark.rule("FRAME-7")
-@each_row(("later_ms", "expected"), [(1.0, ""), (5.0, FORBIDDEN[1])])
-def test_a_waiting_write_keeps_its_turn_until_its_telegram_starts(later_ms, expected):
-    """The newer write of its kind commits in the pause before the telegram, or before the turn."""
-    ms = LINE.clk_hz / 1000
-    newer = rtu.build(1, rtu.write_coils(0, [bool(0x043C >> i & 1) for i in range(16)]))
-    end = 70 * ms + len(newer) * LINE.character_bits * LINE.bit
-    commit = end + LINE.t35_bits * LINE.bit
-    assert verdict_of(COMMAND, [(TELEGRAM, commit / ms + later_ms)], [], heard(newer, 70 * ms)) == expected
-
-
-@pytest.mark.rule("FC-9", "FRAME-6")
-@each_row(("t35", "expected"), [(0.95, "telegram again or late"), (1.2, FORBIDDEN[1])])
-def test_a_repeat_may_leave_until_the_newer_request_is_committed(t35, expected):
-    ms = LINE.clk_hz / 1000
-    newer = heard(rtu.build(1, rtu.read_registers(5139, 2)), 70 * ms)
-    at = (newer[-1].end + t35 * LINE.t35_bits * LINE.bit) / ms
-    assert verdict_of(COMMAND, [(TELEGRAM, 50), (TELEGRAM, at)], [], newer) == expected
-
-
 @pytest.mark.rule("SAFE-2")
 @each_row(("data", "expected"), [(TELEGRAM, "driver stuck"), (ALTERED, FORBIDDEN[1])])
 def test_driver_that_stays_on_is_reported_with_its_telegram(data, expected):
@@ -550,17 +456,6 @@ def test_driver_that_stays_on_is_reported_with_its_telegram(data, expected):
 def class_of(played: Played) -> str:
     player = SimpleNamespace(line=LINE, resets=0, reset_from=NEVER)
     return classify(Flip(0, "somewhere", 0, 0, "card"), played, Verdict(), player, set()).what
-
-
-@pytest.mark.rule("SAFE-2")
-@each_row(("characters", "expected"), [(69, "no effect"), (71, "driver stuck")])
-def test_driver_of_the_network_line_that_stays_on_is_reported(characters, expected):
-    """It may send two of the longest frames, one after the other."""
-    ms = LINE.clk_hz / 1000
-    reply = burst(LINE, CONFIRMED, 75 * ms)
-    reply.fall = round(reply.rise + characters * LINE.character_bits * LINE.bit)
-    telegram = burst(drive_line(LINE.clk_hz), TELEGRAM, 50 * ms)
-    assert class_of(Played(heard(COMMAND, 40 * ms), [], [reply], [telegram], reply.fall, [])) == expected
 
 
 @pytest.mark.parametrize("what", [FORBIDDEN[0], FORBIDDEN[-1], DISTURBED])
@@ -581,25 +476,6 @@ def test_exit_code_reports_an_unrequested_command(monkeypatch, what):
     monkeypatch.setattr(flips, "refuse_to_lose_a_longer_result", lambda *about: None)
     monkeypatch.setattr("sys.argv", ["flips"])
     assert flips.main() == int(what in FORBIDDEN)
-
-
-def test_the_table_counts_by_part_and_bounds_all_that_is_forbidden():
-    counts = Counter({f"{part}: no effect": 1000 for part in PARTS})
-    counts += Counter({f"core: {what}": 1 for what in (*FORBIDDEN, "silent")})
-    rows = flips.table({"counts": counts, "bits": {part: [8] for part in PARTS}})
-    bounds = {part: words(0, 1000) for part in PARTS} | {"core": words(len(FORBIDDEN), 1006)}
-    every = words(len(FORBIDDEN), 1000 * len(PARTS) + 6)
-    assert f"| {flips.BOUND} | {' | '.join([*bounds.values(), every])} |" in rows
-    assert "| no effect | 1000 | 1000 | 1000 | 1000 | 1000 | 1000 | 6000 |" in rows
-
-
-def test_shards_of_one_card_alone_are_merged():
-    shard = {"seed": 1, "config": "standard", "card": "one", "baud": 9600, "flips": 4, "cpu_s": 1.0}
-    shard |= {"bits": dict.fromkeys(PARTS, 8), "counts": {"card: no effect": 4}, "notable": []}
-    merged = merge([shard, shard, shard | {"seed": 2}])
-    assert merged["flips"] == 8 and merged["counts"] == {"card: no effect": 8}, "no shard counts twice"
-    with pytest.raises(FlipsError, match="different cards"):
-        merge([shard, shard | {"seed": 2, "card": "another"}])
 
 
 def test_each_bit_of_the_memory_is_there_once_and_every_part_can_be_chosen(places):

@@ -20,14 +20,13 @@ import pytest
 from campaigns.fuzz import case_file
 from campaigns.fuzz import report as fuzz_report
 from campaigns.fuzz import run as fuzz
-from campaigns.fuzz.aftermath import asked, possible_frames
-from campaigns.fuzz.case import Pace, Played, clk_hz, own_pace
+from campaigns.fuzz.case import Pace, Played, clk_hz
 from campaigns.fuzz.plants import card_with, named
 from campaigns.fuzz.recorded import recorded_frames
 from campaigns.fuzz.run import CaseError, replay, shard, story
 from campaigns.fuzz.traffic import QUIET_PULSES_BITS, make
 from campaigns.fuzz.trial import aftermath, run
-from rtl.sources import ROOT, configurations
+from rtl.sources import ROOT
 from sim.harness.library import Target
 from tb.agents import rtu
 from tb.agents.crc16 import crc_good, with_crc
@@ -35,7 +34,7 @@ from tb.lib.recorded_buses import BUSES
 from tb.lib.rows import each_row
 from tb.lib.seeds import seeded
 from tb.model.card import DRIVE_TIMEOUT, CardModel, word
-from tb.model.fc_telegram import ADR_BROADCAST, build_parameter, build_process
+from tb.model.fc_telegram import build_parameter, build_process
 from tb.model.whole_card import LineJudge
 from tb.model.wire import Burst, CardCharacter, FarCharacter, LineFormat, drive_line
 
@@ -125,22 +124,6 @@ def test_unrequested_commands_and_missing_answers_are_found_after_the_judge(name
     assert "SAFE-1" in check(with_more(command.data, parameter.fall + pause))[0]
 
 
-def test_possible_states_are_limited():
-    """Commands of single coils, none confirmed: each may have changed the control image or not."""
-    line = LineFormat(38400, "8E1", clk_hz(38400))
-    character = line.character_bits * line.bit
-    data = [rtu.build(1, bytes([5, 0, coil, 0xFF, 0])) for coil in range(12)]
-    heard = [
-        FarCharacter(at := (30 * n + k) * character, at + character, byte)
-        for n, frame in enumerate(data)
-        for k, byte in enumerate(frame)
-    ]
-    frames = possible_frames(heard, line, 1)
-    assert [frame.data for frame in frames] == data
-    assert not asked(frames, [], "card") and asked(frames[:6], [], "card")
-    assert len(frames[5].telegrams) == 32
-
-
 @pytest.mark.rule("FRAME-3")
 @pytest.mark.parametrize("frames", [80, pytest.param(400, marks=pytest.mark.nightly)])
 def test_lenient_card_follows_the_lenient_rule(frames: int, tmp_path):
@@ -227,29 +210,6 @@ def test_invalid_case_is_refused(tmp_path, change, complaint):
 def test_kept_cases_are_valid_files():
     for path in (*CASES, *SMALL_CARDS_CASES):
         assert case_file.read(path)
-
-
-def test_longer_result_of_the_same_seed_is_kept(tmp_path):
-    path = tmp_path / "7.json"
-    path.write_text(json.dumps({"card": "this", "judged": 500}))
-    fuzz.refuse_to_lose_a_longer_result(path, 500, "this")
-    with pytest.raises(fuzz.FuzzError, match="has 500 of this seed"):
-        fuzz.refuse_to_lose_a_longer_result(path, 499, "this")
-    fuzz.refuse_to_lose_a_longer_result(path, 499, "another")
-
-
-@pytest.mark.parametrize(
-    ("words", "said"),
-    [
-        (["--replay", "x.json", "--seed", "4"], "--replay plays one case"),
-        (["--replay", "x.json", "--wave", "nowhere/x.fst"], "no file can be written there"),
-    ],
-)
-def test_contradicting_options_are_refused(monkeypatch, capsys, words, said):
-    monkeypatch.setattr("sys.argv", ["fuzz", *words])
-    with pytest.raises(SystemExit) as stopped:
-        fuzz.main()
-    assert stopped.value.code == 2 and said in capsys.readouterr().err
 
 
 @pytest.mark.nightly
@@ -345,12 +305,6 @@ def test_recorded_frames_are_those_of_the_recordings():
         assert all(frame.silence > 0.99 for frame in good)
 
 
-def test_the_small_card_is_fuzzed_at_its_own_clock_and_with_its_one_image():
-    cases = [make(f"9/{number}", config="tiny") for number in range(100)]
-    assert {case["dialect"] for case in cases} == {"card"}
-    assert own_pace("tiny").slow_clk_hz == configurations()["tiny"]["clk_hz"]
-
-
 # ---------------------------------------------------------------- the judge
 
 LINE = LineFormat(19200, "8E1", 2_000_000)
@@ -376,12 +330,6 @@ def verdict_on(network, replies=(), telegrams=(), drive=(), until=2e6, wait=15):
     card.registers[DRIVE_TIMEOUT] = wait
     judge = LineJudge(card, LINE, 1, budget=8000)
     return judge.evaluate(network, list(drive), list(replies), list(telegrams), until)
-
-
-def test_judge_accepts_a_correct_exchange():
-    asked = heard(LINE, READ, 1e5)
-    verdict = verdict_on(asked, [burst(LINE, ANSWER, asked[-1].end + T35)])
-    assert not verdict.differences and verdict.counts["function 01 answered"] == 1
 
 
 @each_row(
@@ -480,65 +428,6 @@ def test_judge_detects_a_short_pause():
         assert bool(differences) == short and all("pause too short" in what for what in differences)
 
 
-def test_judge_detects_late_and_early_replies_of_the_drive():
-    asked = heard(LINE, START, 1e5)
-    telegram = burst(DRIVE, build_process(0x047C, 0), asked[-1].end + T35)
-    answered = heard(DRIVE, build_process(0x0F03, 0), telegram.fall + 24 * DRIVE.bit)
-    for late, complaint in ((30000.0, "no reply"), (-3 * LINE.bit, "without a request")):
-        reply = burst(LINE, STARTED, answered[-1].end + late)
-        assert complaint in verdict_on(asked, [reply], [telegram], answered).differences[0]
-
-
-@pytest.mark.rule("FC-9")
-def test_judge_requires_one_repeat_of_the_newest_request_only():
-    asked = heard(LINE, START, 1e5)
-    telegram = burst(DRIVE, build_process(0x047C, 0), asked[-1].end + T35)
-    again = burst(DRIVE, telegram.data, telegram.fall + 150 * LINE.clk_hz / 1000 + 1000)
-    wait = 170 * LINE.clk_hz / 1000
-    assert not verdict_on(asked, [], [telegram, again], until=again.fall).differences
-    assert "no telegram" in verdict_on(asked, [], [telegram], until=again.fall + wait).differences[0]
-    third = burst(DRIVE, telegram.data, again.fall + 150 * LINE.clk_hz / 1000 + 1000)
-    differences = verdict_on(asked, [], [telegram, again, third], until=third.fall).differences[0]
-    assert "without a request (SAFE-1)" in differences
-    newer = heard(LINE, rtu.build(1, rtu.read_registers(5139, 2)), telegram.fall + 1000)
-    differences = verdict_on(asked + newer, [], [telegram, again], until=again.fall).differences[0]
-    assert "expected 02 0e 81 12 02" in differences
-    # A newer request without a telegram leaves a write its repeat.
-    newer = heard(LINE, READ, telegram.fall + 1000)
-    answer = burst(LINE, rtu.build(1, bytes.fromhex("01 02 7C 04")), newer[-1].end + T35)
-    for telegrams, missing in (([telegram], ["no telegram"]), ([telegram, again], [])):
-        differences = verdict_on(asked + newer, [answer], telegrams, until=again.fall + wait).differences
-        assert [what.split("; ")[0].split(": ")[1] for what in differences] == missing
-    to_all = heard(LINE, rtu.build(0, START[1:-2]), 1e5)
-    telegram = burst(DRIVE, build_process(0x047C, 0, ADR_BROADCAST), to_all[-1].end + T35)
-    again = burst(DRIVE, telegram.data, telegram.fall + 24 * DRIVE.bit)
-    assert not verdict_on(to_all, [], [telegram], until=again.fall).differences
-    assert "without a request (SAFE-1)" in verdict_on(to_all, [], [telegram, again]).differences[0]
-
-
-@pytest.mark.rule("FC-9")
-def test_judge_excuses_a_missing_repeat_only_while_the_drive_sends():
-    asked = heard(LINE, START, 1e5)
-    drive = drive_line(LINE.clk_hz)
-    telegram = burst(drive, build_process(0x047C, 0), asked[-1].end + T35)
-    wait = 10 * LINE.clk_hz / 1000
-    silent = rtu.build(1, bytes.fromhex("8F FF"))
-    talk = heard(drive, b"\x55" * 30, telegram.fall + 24 * drive.bit)
-    reply = burst(LINE, silent, telegram.fall + 2.1 * wait)
-    assert reply.start < talk[-1].end
-    assert not verdict_on(asked, [reply], [telegram], talk, until=reply.fall, wait=1).differences
-    early = burst(LINE, silent, telegram.fall + 1.5 * wait)
-    assert "without a request" in verdict_on(asked, [early], [telegram], talk, wait=1).differences[0]
-    assert "on a free line" in verdict_on(asked, [reply], [telegram], talk[:6], wait=1).differences[0]
-    assert "on a free line" in verdict_on(asked, [reply], [telegram], wait=1).differences[0]
-
-
-def test_judge_follows_either_outcome_of_an_open_rule():
-    asked = heard(LINE, READ[:4], 1e5)
-    torn = asked + heard(LINE, READ[4:], asked[-1].end + LINE.t15_bits * LINE.bit)
-    assert verdict_on(torn).unclear and not verdict_on(torn).differences
-
-
 # ---------------------------------------------------------------- the report
 
 
@@ -551,24 +440,3 @@ def test_shards_of_one_card_alone_are_merged():
     assert merged["frames"] == 20 and merged["worst"] == {"reply": 2.0}, "no shard counts twice"
     with pytest.raises(fuzz_report.ReportError, match="different cards"):
         fuzz_report.merge([one, two | {"card": "another"}])
-
-
-@pytest.mark.nightly
-def test_shard_stopped_while_shrinking_keeps_the_difference(tmp_path, monkeypatch):
-    def stopped(case: dict, fails: Callable[[dict], bool]) -> dict:
-        raise KeyboardInterrupt
-
-    monkeypatch.setattr(fuzz, "FOLDER", tmp_path)
-    monkeypatch.setattr(fuzz, "shrink", stopped)
-    target = card_with(named("no-repeat"))
-    with pytest.raises(KeyboardInterrupt):
-        shard(1, 1500, bauds=(38400,), target=target, folder=tmp_path, so_far=fuzz.keep)
-    (found,) = fuzz_report.load(tmp_path / "fuzz-standard-1.json")["differences"]
-    case = json.loads((tmp_path / f"case-standard-{found['case'].replace('/', '-')}.json").read_text())
-    assert run(case, target)[0].differences == found["what"]
-
-
-def test_report_names_an_invalid_result(tmp_path):
-    (tmp_path / "1.json").write_text("{}")
-    with pytest.raises(fuzz_report.ReportError, match="no result of a fuzz shard"):
-        fuzz_report.load(tmp_path / "1.json")

@@ -11,7 +11,6 @@ import pytest
 from campaigns.flips.trial import PARTS
 from campaigns.fuzz import page
 from campaigns.fuzz.plants import PLANTS
-from rtl import report_page
 
 CARDS = {"standard": "one two three", "tiny": "four five three"}
 FLIPPED = {"standard": "one two six", "tiny": "four five six"}  # by another judge
@@ -62,16 +61,6 @@ def test_the_report_states_the_results_of_all_campaigns(folder):
     keep_frames(folder, 22, 30, differences=[{"case": "22/1", "what": ["no reply"]}])
     text = text_of(folder)
     assert "its row: differences: 1, at most" in text and "no difference" not in text
-
-
-def test_the_command_records_the_counts(folder, written, monkeypatch):
-    monkeypatch.setattr(page.fuzz, "FOLDER", folder)
-    monkeypatch.setattr(page.fingerprint, "fuzz", CARDS.get)
-    monkeypatch.setattr(page.fingerprint, "flips", FLIPPED.get)
-    assert page.main() == 0
-    entry = report_page.evidence()["fuzz"]
-    assert "8 flips of both cards: 0 unrequested" in entry["said"]
-    assert len(entry["tables"]["Random frames"]) == 3
 
 
 @pytest.mark.parametrize(

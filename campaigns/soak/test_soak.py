@@ -13,9 +13,9 @@ from typing import Any
 import pytest
 
 from campaigns.soak import page, run
-from campaigns.soak.run import BLOCK, SoakJudge, Transaction, blocks, soak
+from campaigns.soak.run import SoakJudge, Transaction, soak
 from regs.dialects import DEFAULT, DIALECTS
-from sim.card.run_card import CardError, Frame
+from sim.card.run_card import Frame
 from tb.agents.crc16 import with_crc
 from tb.lib.rows import each_row
 from tb.lib.seeds import seeded
@@ -77,10 +77,6 @@ def mismatches_of(seen: dict[tuple[str, str], bytes], received: bytes) -> list[s
     return judge.mismatches
 
 
-def test_judge_accepts_a_correct_exchange():
-    assert mismatches_of(exchange_of_104(), REPLY_104) == []
-
-
 @each_row("where", list(exchange_of_104()))
 @each_row("how", ["changed", "missing", "twice"])
 def test_judge_finds_a_wrong_frame(where, how):
@@ -96,15 +92,6 @@ def test_judge_finds_a_wrong_frame(where, how):
     else:
         del seen[where]
     assert any(f"{where[0]} line, {where[1]}: expected" in text for text in mismatches_of(seen, REPLY_104))
-
-
-def test_judge_finds_a_reply_that_the_master_missed():
-    assert any(text.startswith("master: expected") for text in mismatches_of(exchange_of_104(), b""))
-
-
-def test_a_run_is_cut_into_blocks_of_their_own_seed():
-    assert blocks(7, 2 * BLOCK + 1) == {7: BLOCK, 8: BLOCK, 9: 1}
-    assert blocks(7, 40) == {7: 40}
 
 
 def test_the_page_counts_a_seed_once_and_keeps_a_mismatch(tmp_path, monkeypatch):
@@ -145,9 +132,3 @@ def test_a_card_that_ends_is_a_mismatch(tmp_path, monkeypatch):
     found = soak(tmp_path, 3, 20, "card", "vlt6000")
     assert len(found.transactions) == 5
     assert found.wrong >= 1 and found.mismatches[-1] == "the card no longer speaks: no such port"
-
-
-def test_the_small_card_has_one_dialect(monkeypatch):
-    monkeypatch.setattr("sys.argv", ["soak", "--config", "tiny", "--dialect", "builtin"])
-    with pytest.raises(CardError, match="the card tiny has no dialect builtin"):
-        run.main()

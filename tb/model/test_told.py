@@ -7,16 +7,13 @@ import pytest
 
 from tb.agents import rtu
 from tb.lib.rows import each_row
-from tb.model.card import DRIVE_TIMEOUT, CardModel
 from tb.model.fc_telegram import AK_WRITE_WORD, build_parameter, build_process
 from tb.model.told import Verdict, judge, not_told
-from tb.model.whole_card import LineJudge
 from tb.model.wire import Burst, CardCharacter, FarCharacter, LineFormat, drive_line
 
 LINE = LineFormat(9600, "8E1", 960_000)
 MS = LINE.clk_hz / 1000
 START, STOP, NONE = bytes.fromhex("047c2000"), bytes.fromhex("043c2000"), bytes(4)
-FIRST_BIT = bytes.fromhex("04000000")
 STATUS = build_process(0x0607, 0)
 
 
@@ -136,54 +133,6 @@ FIRST, FREE = (69.5, process(START)), 232.0
 def test_order_of_writes_behind_a_silent_drive(asked, telegrams, says):
     found = verdict(asked, telegrams=[FIRST, *telegrams]).differences
     assert says in "".join(found) if says else not found
-
-
-def differences(network, drive, replies, telegrams) -> str:
-    """Of the judge of the whole card; 40003 is 30 ms."""
-    card, wire = CardModel(), drive_line(LINE.clk_hz)
-    card.registers[DRIVE_TIMEOUT] = 3
-    return "".join(
-        LineJudge(card, LINE, 1, budget=1.0 * MS)
-        .evaluate(
-            [c for at, data in network for c in far(LINE, at, data)],
-            [c for at, data in drive for c in far(wire, at, data)],
-            [burst(LINE, at, data) for at, data in replies],
-            [burst(wire, at, data) for at, data in telegrams],
-            220 * MS,
-        )
-        .differences
-    )
-
-
-# The drive babbles to 140 ms, so that a write at 50 ms gets its 255 at 95 ms. The line is free at 142 ms.
-BABBLE = [(40, b"\x55" * 87)]
-NOTHING_SAID = rtu.build(1, bytes.fromhex("86 ff"))
-TO_ALL, NEWER, COMMAND = set_104(61, 0), set_104(62), rtu.build(1, rtu.write_coil(10, True))
-
-
-@pytest.mark.rule("FRAME-7", "FC-9")
-@each_row(
-    ("newer", "telegrams", "says"),
-    [
-        ([], [(142.5, write(60)), (192.5, write(60))], ""),
-        ([], [], "no telegram; expected 02 0e 81 20 68"),
-        ([TO_ALL], [(142.5, write(60)), (192.5, write(61, 0x80))], ""),
-        ([TO_ALL], [(142.5, write(61, 0x80))], "expected 02 0e 81 20 68"),
-        ([NEWER], [(142.5, write(62)), (192.5, write(62))], ""),
-        ([NEWER], [(142.5, write(60))], "expected 02 0e 81 20 68 00 00 00 00 00 3e"),
-        ([NEWER], [], "no telegram; expected 02 0e 81 20 68 00 00 00 00 00 3e"),
-        ([TO_ALL, NEWER], [(142.5, write(61, 0x80)), (163.5, write(62)), (213.5, write(62))], ""),
-        ([TO_ALL, NEWER], [(142.5, write(62))], "expected 02 0e 80 20 68"),
-        ([COMMAND], [(142.5, process(FIRST_BIT)), (183.5, process(FIRST_BIT))], ""),
-        ([COMMAND], [(142.5, write(60))], "expected 02 06 81 04 00"),
-        ([COMMAND], [(142.5, process(FIRST_BIT)), (183.5, write(60))], "expected 02 06 81 04 00"),
-    ],
-)
-def test_write_on_a_line_that_is_busy_for_its_whole_wait(newer, telegrams, says):
-    """It waits until it leaves, or until a newer one of its kind takes its place."""
-    asked = [(50, set_104(60)), *((107 + 14 * number, data) for number, data in enumerate(newer))]
-    found = differences(asked, BABBLE, [(95, NOTHING_SAID)], telegrams)
-    assert says in found if says else not found, found
 
 
 IMAGE, ECHO = rtu.build(1, rtu.read_coils(0, 32)), rtu.build(1, coils(START)[1:6])
