@@ -1,8 +1,7 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Independent tools must agree with the card's log.
+"""sigrok-cli must agree with the card's log: it decodes the bits of the waveform.
 
-tshark and sigrok-cli decode recordings, sigrok from the bits of the waveform. pymodbus and mbpoll, which
-libmodbus speaks for, are masters of the virtual card.
+sim/view/test_wireshark.py does the same with tshark, campaigns/masters with eleven Modbus masters.
 """
 
 from __future__ import annotations
@@ -18,12 +17,8 @@ from pathlib import Path
 import pytest
 
 from sim.card.example_run import EXAMPLES, ExampleRun, Recorded
-from sim.card.masters import Pymodbus
-from sim.card.run_card import ROOT, Frame, RunningCard
-from sim.view import tshark
-from sim.view.wireshark import SCRIPT, environment
+from sim.card.run_card import ROOT, Frame
 from tb.agents import rtu
-from tb.agents.crc16 import with_crc
 
 pytestmark = pytest.mark.nightly("views")
 
@@ -50,31 +45,6 @@ def network(recorded) -> list[Frame]:
     frames = [frame for frame in recorded.frames if frame.line == "modbus"]
     assert [frame.data for frame in frames if not frame.ok] == [DAMAGED]
     return frames
-
-
-# ---------------------------------------------------------------- tshark
-@pytest.mark.rule("FRAME-4")
-@pytest.mark.parametrize("how", ["as shipped", "built-in dissector alone"])
-def test_tshark_agrees_with_the_log(recorded, network, tmp_path, how):
-    """With the shipped profile, and with the link type as the only setting."""
-    if how == "as shipped":
-        options, env = [*SCRIPT], environment(tmp_path)
-    else:
-        link_type = 'uat:user_dlts:"User 0 (DLT=147)","mbrtu","0","","0",""'
-        options, env = ["-o", link_type, "-o", "mbrtu.crc_verification:TRUE"], None
-    names = ("frame.time_epoch", "mbrtu.unit_id", "mbrtu.crc16.status", "modbus.func_code")
-    seen = tshark.fields(
-        recorded.pcap, *names, "modbus.exception_code", options=options, only="mbrtu", env=env
-    )
-    assert len(seen) == len(network)
-    for got, frame in zip(seen, network, strict=True):
-        assert float(got["frame.time_epoch"]) == pytest.approx(frame.start, abs=1e-9)
-        assert int(got["mbrtu.unit_id"]) == frame.data[0]
-        assert (got["mbrtu.crc16.status"] == "1") == frame.ok
-        if frame.ok:
-            code = frame.data[1]
-            assert int(got["modbus.func_code"]) == code & 0x7F
-            assert got["modbus.exception_code"] == (str(frame.data[2]) if code & rtu.EXCEPTION_BIT else "")
 
 
 # ---------------------------------------------------------------- sigrok, from the bits of the waveform
@@ -227,157 +197,3 @@ def test_a_waveform_that_cannot_be_read_is_one_line(recorded, tmp_path):
         command = [sys.executable, "-m", f"sim.view.{name}", wave, *more]
         done = subprocess.run(command, cwd=ROOT, capture_output=True, text=True, check=False)
         assert (done.returncode, done.stdout, done.stderr) == (2, "", f"{name}: {words}\n")
-
-
-# ---------------------------------------------------------------- independent masters
-@dataclass(frozen=True)
-class Operation:
-    """One operation of a master: `values` for a write, `count` for a read; addresses as on the wire."""
-
-    function: int
-    address: int
-    count: int = 0
-    values: tuple[int, ...] = ()
-
-    @property
-    def reads(self) -> bool:
-        return self.function in (rtu.READ_COILS, rtu.READ_REGISTERS)
-
-    @property
-    def of_coils(self) -> bool:
-        return self.function in (rtu.READ_COILS, rtu.WRITE_COIL, rtu.WRITE_COILS)
-
-
-def coils(*words: int) -> tuple[int, ...]:
-    return tuple(word >> bit & 1 for word in words for bit in range(16))
-
-
-START = coils(0x047C, 0x1999)
-OPERATIONS = {
-    "start by coils": Operation(0x0F, 0, values=START),
-    "control image": Operation(0x01, 0, count=32),
-    "status and frequency": Operation(0x01, 32, count=32),
-    "one coil": Operation(0x05, 64, values=(1,)),
-    "motor current": Operation(0x03, 5139, count=2),
-    "motor frequency": Operation(0x06, 1039, values=(60,)),
-    "time-outs": Operation(0x10, 1, values=(500, 20)),
-    "time-outs back": Operation(0x03, 1, count=2),
-    "exception 2": Operation(0x06, 2, values=(0,)),
-    "exception 1 of the drive": Operation(0x10, 5139, values=(0, 5)),
-    "exception 64": Operation(0x01, 128, count=1),
-    "exception 66": Operation(0x03, 5139, count=11),
-}
-SPOKEN = {1: "Illegal function", 2: "Illegal data address", 3: "Illegal data value"}
-
-
-def outcome_of(frame: Frame, asked: Operation) -> str:
-    """Outcome according to the reply in the log."""
-    code, body = frame.data[1], frame.data[2:-2]
-    if code & rtu.EXCEPTION_BIT:
-        return f"exception {body[0]}"
-    if not asked.reads:
-        return "done"
-    if asked.of_coils:
-        values = [body[1 + i // 8] >> i % 8 & 1 for i in range(asked.count)]
-    else:
-        values = [int.from_bytes(body[at : at + 2], "big") for at in range(1, len(body), 2)]
-    return "values " + " ".join(map(str, values))
-
-
-def by_pymodbus(link: Path, asked: Operation) -> str:
-    from pymodbus.client import ModbusSerialClient
-
-    client = ModbusSerialClient(str(link), baudrate=9600, parity="N", stopbits=2, timeout=5, retries=0)
-    assert client.connect()
-    try:
-        match asked.function:
-            case 0x01:
-                answer = client.read_coils(asked.address, count=asked.count, device_id=1)
-            case 0x03:
-                answer = client.read_holding_registers(asked.address, count=asked.count, device_id=1)
-            case 0x05:
-                answer = client.write_coil(asked.address, bool(asked.values[0]), device_id=1)
-            case 0x06:
-                answer = client.write_register(asked.address, asked.values[0], device_id=1)
-            case 0x0F:
-                answer = client.write_coils(asked.address, [bool(v) for v in asked.values], device_id=1)
-            case _:
-                answer = client.write_registers(asked.address, list(asked.values), device_id=1)
-    finally:
-        client.close()
-    if answer.isError():
-        return f"exception {answer.exception_code}"
-    if not asked.reads:
-        return "done"
-    values = [int(bit) for bit in answer.bits[: asked.count]] if asked.of_coils else answer.registers
-    return "values " + " ".join(map(str, values))
-
-
-def by_mbpoll(link: Path, asked: Operation) -> str:
-    """mbpoll (through libmodbus) reports codes outside the standard only as invalid."""
-    what = ["-t", "0" if asked.of_coils else "4", "-r", asked.address + 1, "-1"]
-    what += ["-c", asked.count] if asked.reads else []
-    # mbpoll uses 05 and 06 for a single value; -W selects 0F and 10.
-    command = ["mbpoll", "-m", "rtu", "-a", 1, "-b", 9600, "-P", "none", "-s", 2, *what, link, *asked.values]
-    done = subprocess.run(list(map(str, command)), capture_output=True, text=True, timeout=30, check=False)
-    said = done.stdout + done.stderr
-    for code, words in SPOKEN.items():
-        if words in said:
-            return f"exception {code}"
-    if "Invalid exception code" in said:
-        return "exception ?"
-    assert done.returncode == 0, said
-    values = re.findall(r"^\[\d+\]:\s+(\d+)", done.stdout, re.MULTILINE)
-    return "values " + " ".join(values) if asked.reads else "done"
-
-
-MASTERS: dict[str, Callable[[Path, Operation], str]] = {
-    "pymodbus": by_pymodbus,
-    "mbpoll": by_mbpoll,
-}
-EXPECTED = {
-    "start by coils": "done",
-    "control image": "values " + " ".join(map(str, START)),
-    "status and frequency": "values " + " ".join(map(str, coils(0x0F03, 0x2000))),
-    "one coil": "done",
-    "motor current": "values 0 300",
-    "motor frequency": "done",
-    "time-outs": "done",
-    "time-outs back": "values 500 20",
-    "exception 2": "exception 2",
-    "exception 1 of the drive": "exception 1",
-    "exception 64": "exception 64",
-    "exception 66": "exception 66",
-}
-
-
-@pytest.mark.rule("MAP-1", "MAP-2", "MAP-3", "MAP-5", "MAP-7", "EXC")
-@pytest.mark.parametrize("master", MASTERS)
-def test_masters_agree_with_the_log(tmp_path, master):
-    """Every operation in this order: the master's answer, the log and the expected answer are equal."""
-    with RunningCard(tmp_path, "--drive", "example", "--speed", "max", "--quiet") as card:
-        for name, asked in OPERATIONS.items():
-            before = len(card.frames())
-            said = MASTERS[master](card.link, asked)
-            frames = card.wait_for_frames(before, "modbus", "card")
-            request, reply = (
-                next(f for f in frames if f.line == "modbus" and f.sender == who)
-                for who in ("master", "card")
-            )
-            assert request.data[1] == asked.function, name
-            logged = outcome_of(reply, asked)
-            assert logged == EXPECTED[name], name
-            hidden = master != "pymodbus" and logged in ("exception 64", "exception 66")
-            assert said == ("exception ?" if hidden else logged), name
-
-
-@pytest.mark.rule("EXC")
-def test_pymodbus_receives_the_exact_bytes(tmp_path):
-    with RunningCard(tmp_path, "--drive", "example", "--speed", "max", "--quiet") as card:
-        with Pymodbus(card.link) as master:
-            for pdu, answer in (("07", "87 43"), ("01 00 80 00 01", "81 40")):
-                got = master.send(1, bytes.fromhex(pdu))
-                assert got == with_crc(bytes.fromhex("01" + answer))
-        assert card.stop() == 0
-        replies = [f for f in card.frames() if f.sender == "card" and f.line == "modbus"]
-    assert [f.what.split(":")[1].strip() for f in replies] == ["exception 67", "exception 64"]

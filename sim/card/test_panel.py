@@ -17,12 +17,10 @@ import time
 from collections.abc import Iterator
 
 import pytest
-from rich.style import Style
-from rich.text import Text
 from textual.widgets import Static
 
 from rtl.sources import ROOT
-from sim.card.panel import KEYS, LINES_KEPT, LiveCard, Panel, View
+from sim.card.panel import KEYS, LiveCard, Panel, View
 from sim.card.test_virtual_card import RawPort, request_of
 from tb.agents.crc16 import with_crc
 from tb.lib.nightly import first
@@ -103,82 +101,14 @@ def test_faults_trip_and_moved_switches():
     assert "BAD CRC wrong" in parts["log"] and "no answer from the drive" in parts["log"]
 
 
-def styles(text: Text, words: str) -> list[str]:
-    """Styles of these words, wherever they stand."""
-    plain = text.plain
-    found = [at for at in range(len(plain)) if plain.startswith(words, at)]
-    assert found, f"'{words}' is not in '{plain}'"
-    return [
-        str(span.style)
-        for at in found
-        for span in text.spans
-        if span.start <= at and at + len(words) <= span.end
-    ]
-
-
-def view_of(*entries: dict) -> View:
-    view = View()
-    for entry in entries:
-        view.take(entry)
-    return view
-
-
-@pytest.mark.parametrize("line", ["modbus", "drive"])
-@pytest.mark.parametrize(("led", "colour"), [("orange", "dark_orange"), ("off", "grey50")])
-def test_lamp_and_word_have_the_colour_of_the_led(line, led, colour):
-    other = {"modbus": "drive", "drive": "modbus"}[line]
-    dark = {**RECORDED[-1][other], "led": "off"}
-    state = {**RECORDED[-1], line: {**RECORDED[-1][line], "led": led}, other: dark}
-    rows = view_of(state).card().split("\n")
-    row = rows[0 if line == "modbus" else 1]
-    for part in ("○" if led == "off" else "●", led):
-        assert [style.split()[-1] for style in styles(row, part)] == [colour], part
-    assert (Style.parse(styles(row, led)[0]).bold is True) == (led != "off")
-
-
-def test_a_trip_is_red_and_a_running_motor_is_not():
-    states = [entry for entry in RECORDED if entry.get("motor")]
-    tripped = next(entry for entry in states if entry["motor"]["status"] & 8)
-    view = view_of(*until(7.2))
-    assert styles(view.drive(), f"{view.word['status']:04X}h  running") == ["bold"]
-    view = view_of(tripped)
-    assert styles(view.drive(), f"{view.word['status']:04X}h  tripped") == ["bold red"]
-    assert styles(view.drive(), f"{view.word['control']:04X}h  ") == ["bold"], (
-        "the control word trips nothing"
-    )
-
-
-def test_faults_are_highlighted():
-    view = view_of(*RECORDED)
-    troubles = view.lines()
-    assert styles(troubles, " CUT") == ["bold red"]
-    assert styles(troubles, " noise 1%") == styles(troubles, " baud +1.5%") == ["bold yellow"]
-    log = view.log(LINES_KEPT)
-    assert "red" in styles(log, "BAD CRC wrong") and "red" not in styles(log, "unit 1: exception 1")
-
-
-def test_foreign_drive_shows_its_last_words():
-    foreign = [{**entry, "motor": None} if "state" in entry else entry for entry in until(7.2)]
-    _, _, parts = play(foreign)
-    assert re.search(r"control +047Ch  start", parts["drive"])
-    assert re.search(r"frequency +40\.4 %", parts["drive"])
-    _, _, parts = play(foreign[:1])
-    assert parts["drive"].count("not heard yet") == 2
-
-
-def test_hints_are_shown_until_the_first_frame():
-    _, _, parts = play(until(2.9))
-    assert "mbpoll -m rtu -a 1 -b 9600 -P none -1 -t 4 -r 5140 -c 2 build/modbus" in parts["log"]
-    assert max(map(len, parts["log"].splitlines())) <= COLUMNS and len(parts["log"].splitlines()) <= 9
-
-
 def test_everything_fits_80_columns():
     assert len(KEYS) <= COLUMNS
     _, _, parts = play(RECORDED)
     for name in ("title", "card", "drive", "lines"):
         assert max(map(len, parts[name].splitlines())) <= COLUMNS, name
     assert len(parts["drive"].splitlines()) <= 9 and len(parts["card"].splitlines()) <= 9
-    view = view_of({**RECORDED[-1], "read": ["111110000", "11111101"], "line": "115200 8N2"})
+    view = View()
+    view.take({**RECORDED[-1], "read": ["111110000", "11111101"], "line": "115200 8N2"})
     view.message = "only the simulated drive can be tripped"  # the longest one
     assert view.message in view.title().plain and len(view.title().plain) <= COLUMNS
 
@@ -206,27 +136,6 @@ KEYS_PRESSED = {
 def test_keys_send_commands(keys):
     _, source, _ = play(until(7.2), *keys.split())
     assert source.commands == KEYS_PRESSED[keys]
-
-
-def test_help_names_every_key_and_an_error_is_shown_until_the_next_key():
-    error = {"message": "only the simulated drive can be tripped"}
-    _, _, parts = play([*until(7.2), error])
-    assert error["message"] in parts["title"]
-    _, _, parts = play([*until(7.2), error], "t", "h")
-    assert error["message"] not in parts["title"]
-    for key in ("t ", "c, C", "n, N", "+, -", "arrows", "space", "p ", "q "):
-        assert key in parts["log"]
-
-
-def test_panel_ends_with_the_card():
-    app = Panel(Recording([{"exit": 2}]), View())
-
-    async def run() -> None:
-        async with app.run_test(size=(COLUMNS, ROWS)) as pilot:
-            await pilot.pause(0.3)
-
-    asyncio.run(run())
-    assert app.return_value == 2
 
 
 # ---------------------------------------------------------------- with the card

@@ -190,22 +190,6 @@ def test_full_disk_is_reported(tmp_path, disk):
     assert run.stderr.startswith(f"card: cannot write {file}: ") and run.stderr.count("\n") == 1
 
 
-@pytest.mark.nightly
-def test_a_disk_that_fills_up_ends_a_wave_soon(tmp_path):
-    """The waveform's writer says nothing of it, before the run ends."""
-    wave = tmp_path / "card.fst"
-    run = subprocess.run(
-        [CARD, "--wave", wave, "--for", "1000", "--speed", "max", "--quiet"],
-        capture_output=True,
-        text=True,
-        timeout=60,
-        check=False,
-        restore_signals=False,  # SIGXFSZ stays ignored
-        preexec_fn=lambda: setrlimit(RLIMIT_FSIZE, (50_000, 50_000)),
-    )
-    assert (run.returncode, run.stderr) == (2, f"card: cannot write {wave}: the disk is full\n")
-
-
 def test_help_names_every_option_and_drive():
     run = run_card("--help")
     assert run.returncode == 0
@@ -314,22 +298,6 @@ def test_a_foreign_drive_sees_exactly_the_telegrams_of_the_examples(tmp_path):
         drive.stop()
     assert drive.telegrams == telegrams_of(*MANUAL)
     assert drive.heard == b""
-
-
-@pytest.mark.rule("FC-9", "MAP-9")
-def test_a_foreign_drive_may_refuse_or_stay_silent(tmp_path):
-    names = ["refused-17", "timeout-255", "bcast-start", "ex5-read-514"]
-    link = tmp_path / "drive"
-    with RunningCard(tmp_path, "--drive", str(link)) as card, RawPort(card.link) as master:
-        drive = ForeignDrive(link, drive_replies_of("refused-17"))
-        master.example("refused-17")
-        master.example("timeout-255")
-        master.write(request_of("bcast-start"))
-        assert master.read(1, 0.3) == b""
-        drive.replies = drive_replies_of("ex5-read-514")
-        master.example("ex5-read-514")
-        drive.stop()
-    assert drive.telegrams == telegrams_of(*names)
 
 
 @pytest.mark.rule("MAP-3", "MAP-7")
@@ -710,25 +678,6 @@ def test_the_log_shows_the_leds(tmp_path):
         assert [green - red, orange - green, off - orange] == pytest.approx([0.25] * 3, abs=0.01)
 
 
-@pytest.mark.nightly
-def test_log_and_terminal_are_in_order_of_time(tmp_path):
-    """Traffic of both lines from the power-up LEDs on, through a change of colour."""
-    with RunningCard(tmp_path, "--speed", "max") as card, RawPort(card.link) as master:
-        for wanted in ("red-flash", '"drive","shows":"green-flash"'):
-            for _ in range(500):
-                if wanted in card.log.read_text():
-                    break
-                master.ask(*((READ_CONTROL, 9) if wanted == "red-flash" else (request_of("ex1-start-40"), 8)))
-        assert card.stop() == 0
-    entries = card.entries()
-    assert {e.get("line", "led") for e in entries} == {"modbus", "drive", "led"}
-    assert [e["shows"] for e in entries if e.get("led") == "drive"][-2:] == ["red-flash", "green-flash"]
-    times = [e["t"] for e in entries]
-    assert times == sorted(times)
-    printed = [float(line.split()[0]) for line in card.output if re.match(r" *\d+\.\d{6}  ", line)]
-    assert printed == times
-
-
 def pcapng_blocks(data: bytes) -> list[tuple[int, bytes]]:
     """Type and body of every block; both length fields are checked."""
     blocks, at = [], 0
@@ -781,21 +730,6 @@ def test_the_pcapng_file_holds_both_lines_and_marks_bad_frames(tmp_path):
         assert options[1].decode() == ("" if frame.ok else "bad frame: ") + frame.what
 
 
-@pytest.mark.nightly
-def test_the_wave_file_is_a_finished_fst(tmp_path):
-    """Header block of an FST file: length, times in ns, and the writer's test value e."""
-    wave = tmp_path / "card.fst"
-    run = run_card("--for", "0.2", "--wave", wave)
-    assert run.returncode == 0
-    data = wave.read_bytes()
-    kind, length, start, end, e = struct.unpack(">BQQQ", data[:25]) + struct.unpack("<d", data[25:33])
-    assert (kind, length) == (0, 329)
-    assert e == pytest.approx(2.718281828459045)
-    assert start == 0
-    assert end == pytest.approx(0.2e9, rel=0.01)
-    assert len(data) > 10_000
-
-
 # ---------------------------------------------------------------- make demo
 def test_the_demo_passes_and_counts():
     run = subprocess.run(
@@ -810,12 +744,3 @@ def test_the_demo_passes_and_counts():
         assert spaced(request_of(name)) in run.stdout
         assert spaced(reply_of(name)) in run.stdout
     assert max(map(len, run.stdout.splitlines())) <= 100
-
-
-def test_the_demo_says_that_mbpoll_is_missing(tmp_path):
-    run = subprocess.run(
-        [sys.executable, "-m", DEMO], capture_output=True, text=True, env={"PATH": str(tmp_path)}, check=False
-    )
-    assert run.returncode == 2
-    assert run.stderr.count("\n") == 1
-    assert "mbpoll" in run.stderr

@@ -26,7 +26,7 @@ from sim.view.waves import missing, save_file
 from tb.agents import rtu
 from tb.agents.crc16 import with_crc
 from tb.agents.uart import Format
-from tb.lib.recording import DRIVE, MODBUS, Recorder, RecordingError
+from tb.lib.recording import DRIVE, MODBUS, Recorder
 from tb.lib.runner import WAVES_FOLDER, run
 from tb.model import fc_telegram
 
@@ -42,8 +42,6 @@ TSHARK_FIELDS = (
     *("frame.time_epoch", "frame.interface_name", "frame.packet_flags_direction", "frame.comment"),
     *("frame.len", "frame.packet_flags"),
 )
-OUTBOUND = "0x00000002"
-INBOUND = "0x00000001"
 # Bits of the capture's packet flags.
 CRC_ERROR, TOO_SHORT, TOO_LONG, WRONG_GAP, NO_START, SYMBOL_ERROR = 24, 26, 25, 27, 29, 31
 
@@ -177,48 +175,6 @@ def test_bad_frame_is_described(tmp_path, line, pieces, flaws, words, bit):
     assert int(packet["frame.packet_flags"], 16) >> 24 == 1 << bit - 24
     # Only the bytes after a gap are a frame of their own (FRAME-2).
     assert [entry["ok"] for entry, _ in rest] == ([True] if words.startswith("gap: not") else [])
-
-
-@pytest.mark.parametrize(
-    ("request_", "words"),
-    [
-        ("01 01 00 00 00 10 00", " (9 bytes, 8 would be right)"),
-        ("01 0F 00 00 00 20 04 7C 04 99", " (12 bytes, 13 would be right)"),
-        ("01 10 00 01 00 02 02 00 0A", " (byte count 2, 4 would be right)"),
-        ("01 07 00 00 00 00 00", ""),
-    ],
-)
-def test_wrong_length_of_a_request_is_described(tmp_path, request_, words):
-    """The CRC is right, so the frame is good; its description gives the reason for the card's refusal."""
-    frame = with_crc(bytes.fromhex(request_))
-    ((entry, _),) = agreed_entries(tmp_path, lambda t: t.say(MODBUS, False, frame))
-    assert entry["ok"] and entry["what"].startswith("unit 1: ")
-    said = entry["what"]
-    assert said.endswith(words) if words else "would be right" not in said
-
-
-def test_leds_and_frames_are_in_order_of_time(tmp_path):
-    base = tmp_path / "lines"
-    with Recorder(base) as recorder:
-        talk = Talk(recorder)
-        for ms in range(0, 3000, 5):
-            recorder.led(DRIVE, False, ms % 1000 < 500, ms * 10**9)
-            recorder.write(ms * 10**9)
-            if ms % 700 == 100:
-                talk.now_ps = ms * 10**9
-                talk.say(MODBUS, False, READ_CONTROL)
-                recorder.end_frame(MODBUS)
-    entries = log_of(base)
-    assert [e["shows"] for e in entries if "led" in e] == ["green-flash"]
-    assert [e["t"] for e in entries] == sorted(e["t"] for e in entries)
-    assert sum("line" in e for e in entries) == 5
-
-
-def test_unwritable_file_gives_a_one_line_error(tmp_path):
-    with pytest.raises(RecordingError, match=r"cannot write .*nowhere.*jsonl"):
-        Recorder(tmp_path / "nowhere/lines")
-    with pytest.raises(RecordingError, match="no dialect klingon"):
-        Recorder(tmp_path / "lines", "klingon")
 
 
 # ---------------------------------------------------------------- the virtual card's three files

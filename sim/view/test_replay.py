@@ -6,11 +6,8 @@ tb/card/test_card_recorded_buses.py checks the card itself with the same recordi
 
 from __future__ import annotations
 
-import math
-import os
 import re
 import subprocess
-import sys
 import zipfile
 from itertools import pairwise
 from pathlib import Path
@@ -31,7 +28,6 @@ from tb.model.wire import LineFormat
 
 CAPTURES = ROOT / "tb/captures"
 MODULE = CAPTURES / "brainchild-io-16do.sr"
-FLOATING = CAPTURES / "wizmodbus.sr"
 US = 1_000_000  # the unit of time here, in Hz
 METADATA = "[device 1]\ncapturefile=logic-1\nsamplerate=1 MHz\nprobe1=A\nprobe2=B\nunitsize=1\n"
 VCD_HEADER = """$timescale 10 ns $end $scope module l $end $var wire 1 ! A $end $var wire 4 % V [3:0] $end
@@ -284,16 +280,6 @@ def test_frames_that_are_all_damaged_are_rows_with_a_suspicion(what, tmp_path, c
     assert f"{len(sent)} frames or parts, 0 good; 0 for other units, {len(sent)} dropped" in text
 
 
-@pytest.mark.nightly
-def test_a_bus_without_bias_is_suspected(tmp_path, capsys):
-    """The low after the first request lasts until the next one begins."""
-    file = bus_file(tmp_path, (20, READ, ""), (1, bytes(4), "low"), (20, READ, ""))
-    assert main([str(file), *ASKED]) == 0
-    text = capsys.readouterr().out
-    assert text.startswith("suspicion: low after a good frame in 1 of 2 frames: the bus has no bias\n")
-    assert "(stop bit of byte 9; low after a good frame)" in text
-
-
 def test_the_guide_explains_every_fate_and_suspicion():
     guide = (ROOT / "docs/guide/recordings.md").read_text()
     for text in (*REASONS.values(), UNHEARD, IGNORED, replay.LEFT_OUT, "not answered in time", "revoked"):
@@ -356,35 +342,6 @@ def test_dialect_and_configuration_can_be_chosen(options, answer, tmp_path, caps
     assert (made[0].image_folder("card") == ROOT / "build/tiny") == ("tiny" in options)
 
 
-def test_the_small_card_has_one_dialect(tmp_path, capsys, never_played):
-    said = refused(capsys, MODULE, *ASKED, "--config", "tiny", "--dialect", "builtin")
-    assert said == "replay: the configuration tiny speaks the dialect card alone"
-
-
-@pytest.mark.nightly
-def test_a_reply_to_our_own_unit_is_named(tmp_path, capsys):
-    """The reply to a write is the same bytes: the card writes once more and answers."""
-    write = rtu.build(1, bytes.fromhex("06 0001 0055"))
-    assert main([str(bus_file(tmp_path, (0, write, ""), (20, write, ""))), *ASKED]) == 0
-    assert [row[-2] for row in rows(capsys.readouterr().out)[1:5]] == [
-        "candidate, committed",
-        "reply",
-        "candidate, committed; a slave's reply by its form",
-        "reply",
-    ]
-
-
-@pytest.mark.nightly
-@pytest.mark.rule("FRAME-6")
-def test_the_commits_at_the_lowest_rate_are_in_their_rows(tmp_path, capsys):
-    """t3.5 is 128 ms there."""
-    request = rtu.build(1, rtu.read_registers(1, 1))
-    file = bus_file(tmp_path, (0, request, ""), (30, request, ""), baud=300)
-    assert main([str(file), "--unit", "1", "--baud", "300", "--format", "8E1"]) == 0
-    found = rows(capsys.readouterr().out)
-    assert [row[-2] for row in found if "bus" in row] == ["candidate, committed"] * 2
-
-
 def test_replies_of_the_unit_can_be_left_out(tmp_path, capsys):
     """Those of another unit stay."""
     reply = rtu.build(1, bytes.fromhex("03 02 03E8"))
@@ -399,16 +356,6 @@ def test_replies_of_the_unit_can_be_left_out(tmp_path, capsys):
         *("candidate, committed", "left out"),
     ]
     assert text.splitlines()[-1] == "sent: 2 replies, 0 telegrams"
-
-
-def test_a_reader_that_stops_is_no_error():
-    ours, output = os.pipe()
-    os.close(ours)
-    words = ["sim.view.replay", MODULE, *ASKED, "--channel", "1", "--invert", "yes", "--for", "0.05"]
-    command = [sys.executable, "-m", *map(str, words)]
-    done = subprocess.run(command, cwd=ROOT, stdout=output, stderr=subprocess.PIPE, text=True, check=False)
-    os.close(output)
-    assert (done.returncode, done.stderr) == (0, "")
 
 
 # ---------------------------------------------------------------- bad input
@@ -453,31 +400,6 @@ def test_a_recording_without_a_character(tmp_path, capsys, never_played):
         "channel bus: no character at 300 8N2;"
         " wrong rate or format: 1 good frame with BAUD=115200 FORMAT=8E1 INVERT=no"
     )
-
-
-def test_a_constant_line(tmp_path, capsys, never_played):
-    file = sigrok_file(tmp_path / "a.sr", logic_1=bytes(900))
-    said = "channel A: the line is constantly 0: try INVERT=yes, or the channel is another"
-    assert refused(capsys, file, *ASKED, "--channel", "A", "--for", "0.0005").endswith(said)
-
-
-@pytest.mark.parametrize("sampled", first([(300_000, "15.6"), (310_000, "")]))
-def test_few_samples_a_bit_of_a_vcd_file_are_a_warning(sampled, tmp_path, capsys):
-    """Such a file does not name the rate: its times are whole samples."""
-    sample_hz, few = sampled
-    bit = sample_hz / 19200
-    levels = [level for byte in READ for level in LineFormat(19200, "8E1", sample_hz).levels(byte)]
-    step = 1_000_000_000 // sample_hz
-    lines, before = ["$timescale 1 ns $end", "$var wire 1 ! A $end", "$enddefinitions $end", "#0", "1!"], 1
-    for at, level in enumerate(levels):
-        if level != before:
-            lines += [f"#{(round(200 * bit) + math.ceil(at * bit)) * step}", f"{level}!"]
-        before = level
-    file = tmp_path / "a.vcd"
-    file.write_text("\n".join(lines) + "\n")
-    assert main([str(file), *ASKED, "--channel", "A"]) == 0
-    due = f"replay: warning: {file}: {few} samples a bit are few: record 16 or more\n"
-    assert capsys.readouterr().err == (due if few else "")
 
 
 @pytest.mark.rule("LINE-7")

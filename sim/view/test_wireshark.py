@@ -20,11 +20,10 @@ from sim.card.example_run import EXAMPLES, Played, Recorded, record
 from sim.card.run_card import ROOT, Frame
 from sim.drive.drive_table import read_capacity, read_profile
 from sim.view import tshark
-from sim.view.test_recordings import Heard, Talk
+from sim.view.test_recordings import Talk
 from sim.view.wireshark import SCRIPT, environment
 from tb.agents import rtu
 from tb.agents.crc16 import with_crc
-from tb.agents.uart import Format
 from tb.lib.recording import DRIVE, MODBUS, Recorder
 from tb.model import fc_telegram
 
@@ -53,7 +52,6 @@ FIELDS = [
     *("rtu2fc_modbus.pause", "frame.interface_description"),
     *BITS,
 ]
-READ_COILS = with_crc(bytes.fromhex("01 01 00 20 00 10"))
 WITH_DRIVE = [name for name, example in EXAMPLES.items() if example["drive"]]
 
 
@@ -238,30 +236,6 @@ def test_pause_on_the_network_line_equals_the_log(recorded, packets):
     assert pauses > 30
 
 
-@pytest.mark.parametrize(("baud", "form"), [(300, "8N1"), (115200, "8O1")])
-def test_pause_follows_changes_of_the_rate(tmp_path, baud, form):
-    fmt = Format.named(baud, form)
-    with Recorder(tmp_path / "lines") as recorder:
-        at = 10**10
-        for now in (Format.named(4800, "8E1"), fmt):
-            recorder.end_frame(MODBUS)
-            recorder.use(MODBUS, now)
-            for from_card, data in ((False, READ_COILS), (True, READ_COILS)):
-                for byte in data:
-                    end = at + round(now.character_ps)
-                    recorder.character(MODBUS, from_card, Heard(byte, at, end))
-                    at = end
-                recorder.end_frame(MODBUS)
-                at += 30 * 10**9
-    got = read(recorder.pcap, tmp_path / "settings")
-    assert [packet["frame.interface_description"] for packet in got.values()] == [
-        *2 * ["network line, Modbus RTU, 4800 8E1"],
-        *2 * [f"network line, Modbus RTU, {baud} {form}"],
-    ]
-    for reply in (2, 4):
-        assert float(got[reply]["rtu2fc_modbus.pause"]) == pytest.approx(0.030, abs=3e-6)
-
-
 def test_requests_are_named_by_the_drive_s_parameters(recorded, packets):
     read_current = packets[example(recorded, "ex5-read-514").first_packet]
     assert read_current["rtu2fc_modbus.pnu"] == "514"
@@ -297,12 +271,6 @@ def test_every_write_of_control_word_coils_is_decoded(tmp_path, request_, bits, 
     assert share == "" if reference is None else float(share) == pytest.approx(reference, abs=0.01)
 
 
-def test_a_function_code_alone_is_decoded_too(tmp_path):
-    frame = with_crc(bytes.fromhex("01 07"))
-    (got,) = read(capture_of(tmp_path, (MODBUS, False, frame)), tmp_path / "settings").values()
-    assert number(got["rtu2fc_modbus.func_code"]) == 7 and truth(got["rtu2fc_modbus.crc.good"])
-
-
 # ---------------------------------------------------------------- display: columns, colours
 @pytest.fixture(scope="module")
 def rows(recorded, tmp_path_factory) -> list[dict[str, str]]:
@@ -331,48 +299,6 @@ def test_columns_equal_the_log(recorded, rows):
         else:
             assert row["Reply after"] == ""
             ends[frame.line] = frame.end
-
-
-def test_info_column_describes_each_telegram_and_request(recorded, rows):
-    for row, frame in zip(rows, recorded.frames, strict=True):
-        info = row["Info"]
-        if frame.line == "modbus":
-            if "would be right" in frame.what:  # self-contradictory request: Wireshark decides
-                continue
-            assert re.search(rf"Func: +{frame.data[1] & 0x7F}\b", info), info
-            continue
-        reply = frame.sender == "drive"
-        parts = fc_telegram.parse(frame.data, reply)
-        assert info.startswith("Reply: " if reply else "To all: " if parts.broadcast else "Request: ")
-        word, share = ("status", "frequency") if reply else ("control", "reference")
-        signed = parts.pcd2 - 0x10000 if parts.pcd2 & 0x8000 else parts.pcd2
-        assert info.endswith(f"{word} {parts.pcd1:04X}h, {share} {100 * signed / 0x4000:.1f} %")
-        if parts.kind != "process":
-            words = WORDS["reply" if reply else "request"][str(parts.ak)]
-            assert f": {words} {parts.pnu} {VLT6000[parts.pnu].name}" in info
-        if parts.text is not None:
-            assert f"= '{parts.text.decode()}';" in info
-
-
-def test_invalid_control_word_is_marked_as_ignored(recorded, tmp_path):
-    text = tshark.verbose(recorded.pcap, options=[*SCRIPT, "-2"], env=environment(tmp_path))
-    shown = [line.strip() for line in text.splitlines() if line.strip().startswith("Control word: ")]
-    sent = [
-        fc_telegram.parse(frame.data).pcd1
-        for frame in recorded.frames
-        if (frame.line, frame.sender) == ("drive", "card")
-    ]
-    written = [line for line in shown if re.search(r"0x[0-9a-f]{4}( \(ignored: data not valid\))?$", line)]
-    on_drive_line = [
-        f"Control word: 0x{word:04x}" + ("" if word & 1 << 10 else " (ignored: data not valid)")
-        for word in sent
-    ]
-    assert written == shown
-    assert {word & 1 << 10 for word in sent} == {0, 1 << 10}
-    # Requests on the network line show the word too, but its validity is decided on the drive line.
-    for line in on_drive_line:
-        shown.remove(line)
-    assert not any("ignored" in line for line in shown)
 
 
 def colour_filters() -> dict[str, str]:
@@ -442,31 +368,6 @@ def test_reply_to_another_request_is_marked(tmp_path):
     got = read(capture_of(tmp_path, (DRIVE, True, ask), (DRIVE, False, other)), tmp_path / "settings")
     assert "Reply to another request" in got[2]["_ws.expert.message"]
     assert got[2]["vltfc.request_frame"] == ""
-
-
-def test_text_is_latin_1_with_dots_for_unprintable_characters(tmp_path):
-    write = fc_telegram.build_text(533, b"HELLO\xe9\x00\x7f\x8012")
-    read_ = fc_telegram.build_text_read(533, 1)
-    reply = fc_telegram.build_text(533, b"\x01~\xff", fc_telegram.IND_TEXT_READ)
-    lines = ((DRIVE, True, write), (DRIVE, False, reply), (DRIVE, True, read_))
-    capture = capture_of(tmp_path, *lines)
-    got = read(capture, tmp_path / "settings")
-    assert [got[at]["vltfc.text"] for at in got] == ["HELLOé...12", ".~ÿ", ""]
-    assert "Trailing" not in got[1]["_ws.expert.message"]
-    text = tshark.verbose(capture, options=SCRIPT, env=environment(tmp_path / "settings"))
-    assert re.findall(r"IND: (.*)", text) == [
-        "0x0500 (write text)",
-        "0x0400 (read text)",
-        "0x0401 (read text)",
-    ]
-
-
-def test_the_last_telegram_may_have_no_reply_too(tmp_path):
-    ask = fc_telegram.build_parameter(1, 514)
-    alone = read(capture_of(tmp_path, (DRIVE, True, ask)), tmp_path / "settings")
-    assert "No reply up to the end of the recording" in alone[1]["_ws.expert.message"]
-    answered = read(capture_of(tmp_path, (DRIVE, True, ask), (DRIVE, False, ask)), tmp_path / "settings")
-    assert not any("No reply" in packet["_ws.expert.message"] for packet in answered.values())
 
 
 @pytest.mark.parametrize("drive", ["vlt5000", STANDARD_DRIVE])
