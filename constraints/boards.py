@@ -440,7 +440,8 @@ def pin_row(entry: Board, pin: Pin, direction: str) -> str:
 
 
 def pin_tables() -> str:
-    text = """# Pins
+    text = """<!-- site: 740 Reference -->
+# Pins
 
 Written by `make pins` from the pin files in `constraints/`. *Pull* is inside the part. *Drive* is strength
 and slope of an output, fixed on iCE40. The circuit around the pins is in

@@ -167,7 +167,8 @@ def markdown_page(registers: Map) -> str:
             about = f"{area.get_property('name')}. {squeeze(area.get_property('desc'))}"
             lines.append(f"| 0x{address:08X} | {count} | {area.inst_name} | {about} |")
         lines.append("")
-    comments = "".join(f"<!-- {line} -->\n" for line in banner("", RDL).strip().split("\n "))
+    lines = [*banner("", RDL).strip().split("\n "), "site: 730 Reference"]
+    comments = "".join(f"<!-- {line} -->\n" for line in lines)
     return f"{comments}\n# Mailbox\n\n{text.strip()}\n\n" + "\n".join(lines).strip() + "\n"
 
 

@@ -4,7 +4,7 @@
     python -m tools.prose
 
 A link must lead to a file or folder of the project. Its anchor must be a heading or an `<a id="...">` of
-that page. A page that code cites must exist. Each page of docs/ needs a place in tools/site/mkdocs.yml. A
+that page. A page that code cites must exist. Each page of docs/ needs a place on the site and a title. A
 list has an empty line before it, and a list within a list four blanks: the site shows no list otherwise. Each
 Verilog module and each C file needs a row in the tables of docs/guide/architecture.md. tools/words.txt lists
 right words that codespell does not know. All pages have at most WORDS_AT_MOST words. Prints one line for each
@@ -16,10 +16,11 @@ import subprocess
 import sys
 from functools import cache
 from pathlib import Path
+from typing import NamedTuple
 from urllib.parse import unquote
 
 from rtl.command import run_main
-from rtl.report_page import REPORTS
+from rtl.report_page import REPORTS, evidence
 from rtl.sources import ROOT
 
 WORDS = ROOT / "tools/words.txt"
@@ -36,7 +37,10 @@ SHALLOW = re.compile(r"^ {1,3}(?:[-*+]|\d+\.) ", re.MULTILINE)
 UNPARTED = re.compile(r"^(?![-*+] |\d+\. |[\s|#>]).+\n(?=(?:[-*+]|1\.) )", re.MULTILINE)
 ELSEWHERE = re.compile(r"[a-z]+:")
 CITED = re.compile(r"\bdocs/[\w/-]+\.md\b")
-SITE = ROOT / "tools/site/mkdocs.yml"
+# Above the title of a page: its place on the documentation site, by a number, and its section.
+PLACE = re.compile(r"^<!-- site: (\d+)( \w[\w ]*)? -->$", re.MULTILINE)
+TITLE = re.compile(r"^# +([^:\n]+)", re.MULTILINE)
+REPORT_LIST = ROOT / "docs/reports.md"
 ARCHITECTURE = ROOT / "docs/guide/architecture.md"
 # All pages together must stay readable: words written by hand, outside code and generated parts.
 WORDS_AT_MOST, PAGES_AT_MOST = 45_000, 30
@@ -101,6 +105,8 @@ def dead_links(page: Path, known: set[Path]) -> list[str]:
         reason = ""
         if file not in known and not any(file in path.parents for path in known):
             reason = "no such file"
+        elif file == REPORT_LIST and anchor in evidence():
+            continue  # the site leads to the report itself
         elif anchor and file.suffix == ".md" and anchor not in anchors(file):
             reason = "no such heading"
         if reason:
@@ -136,14 +142,36 @@ def too_much(pages: list[Path]) -> list[str]:
     return [f"{number} {what}, at most {most}" for what, number, most in found if number > most]
 
 
-def without_place(pages: list[Path], site: str) -> list[str]:
-    """Pages of docs/ without a place on the documentation site; `make docs` refuses them, too."""
-    placed = set(re.findall(r"([\w./-]+\.md)$", site, re.MULTILINE))
-    names = {str(page.relative_to(ROOT / "docs")): page for page in pages}
+class Place(NamedTuple):
+    """A page of the documentation site; the section is empty if it stands alone."""
+
+    order: int
+    section: str
+    title: str
+    page: Path
+
+
+def places() -> list[Place]:
+    """The pages of the site in their order."""
+    found = []
+    for page in (ROOT / name for name in project_files() if name.endswith(".md")):
+        text = page.read_text()
+        if place := PLACE.search(text):
+            title = TITLE.search(text)
+            found.append(
+                Place(int(place[1]), (place[2] or "").strip(), title[1] if title else page.stem, page)
+            )
+    return sorted(found)
+
+
+def without_place(pages: list[Path]) -> list[str]:
+    """Pages of docs/ that the documentation site cannot show: without a place or a title."""
+    lines = {"a line `<!-- site: ORDER SECTION -->`": PLACE, "a title": TITLE}
     return [
-        f"{page.relative_to(ROOT)}: no place in {SITE.relative_to(ROOT)}"
-        for name, page in names.items()
-        if name not in placed
+        f"{page.relative_to(ROOT)}: {what} is missing"
+        for page in pages
+        for what, line in lines.items()
+        if not line.search(page.read_text())
     ]
 
 
@@ -178,7 +206,7 @@ def check() -> list[str]:
         if Path(name).suffix in SOURCES and not name.startswith(("tools/prose.py", "tools/test_prose.py")):
             wrong += dead_citations(name, (ROOT / name).read_text(), known)
     documents = [page for page in pages if page.is_relative_to(ROOT / "docs")]
-    wrong += without_place(documents, SITE.read_text())
+    wrong += without_place(documents)
     # The list of changes grows with each release.
     wrong += too_much([page for page in pages if ".github" not in page.parts and page.name != "CHANGELOG.md"])
     return wrong + unlisted_parts(names, ARCHITECTURE.read_text())

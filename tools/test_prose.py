@@ -96,11 +96,15 @@ def test_too_many_words_and_pages_are_found(monkeypatch, tmp_path):
 
 def test_each_page_has_a_place_on_the_site(monkeypatch, tmp_path):
     monkeypatch.setattr(prose, "ROOT", tmp_path)
-    monkeypatch.setattr(prose, "SITE", tmp_path / "mkdocs.yml")
-    pages = [tmp_path / "docs/guide/one.md", tmp_path / "docs/two.md"]
-    assert prose.without_place(pages, "nav:\n  - One: guide/one.md\n  - Two: guide/two.md\n") == [
-        "docs/two.md: no place in mkdocs.yml"
+    one, two = tmp_path / "one.md", tmp_path / "two.md"
+    one.write_text("<!-- site: 7 Its section -->\n# One: more of it\n")
+    two.write_text("Only text.\n")
+    assert prose.without_place([one, two]) == [
+        "two.md: a line `<!-- site: ORDER SECTION -->` is missing",
+        "two.md: a title is missing",
     ]
+    monkeypatch.setattr(prose, "project_files", lambda: ["one.md", "two.md"])
+    assert prose.places() == [(7, "Its section", "One", one)]
 
 
 def test_each_module_and_each_c_file_has_a_row():

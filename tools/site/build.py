@@ -4,8 +4,8 @@
     python -m tools.site.build [FOLDER]     default: build/docs-site
 
 Prints the first page and the number of pages. Pictures and whole reports come from build/, if their commands
-have written them. A dead link is an error, and so is a page without a place in
-mkdocs.yml: exit 1, one line for each. Exit 2 without MkDocs, or for a folder with other files.
+have written them. A dead link is an error, and so is a page without a place:
+exit 1, one line for each. Exit 2 without MkDocs, or for a folder with other files.
 """
 
 from __future__ import annotations

@@ -1,5 +1,7 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Hooks of MkDocs: pages from outside docs/, links that lead out of docs/, lists and anchors as GitHub's.
+"""Hooks of MkDocs: the navigation, pages from outside docs/, links that lead out of docs/, lists and anchors.
+
+A page has its place by the comment `<!-- site: ORDER SECTION -->` above its title, in docs/ or elsewhere.
 
 Reports and pictures come from build/, where their commands wrote them. A report that is not there becomes a
 page of its main figures (docs/evidence.json), a picture that is not there becomes its description. A line
@@ -16,7 +18,7 @@ from typing import TYPE_CHECKING
 
 from rtl.report_page import REPORTS, evidence, markdown, page_of, summary
 from rtl.sources import ROOT
-from tools.prose import CODE, ELSEWHERE, FENCE, LINK, slug
+from tools.prose import CODE, ELSEWHERE, FENCE, LINK, REPORT_LIST, places, slug
 
 if TYPE_CHECKING:
     from mkdocs.config.defaults import MkDocsConfig
@@ -24,17 +26,12 @@ if TYPE_CHECKING:
     from mkdocs.structure.pages import Page
 
 DOCS = ROOT / "docs"
-# Pages of the site that lie outside docs/.
+# Pages of the site with their names in it.
 PAGES = {
-    ROOT / "README.md": "index.md",
-    ROOT / "CONTRIBUTING.md": "contributing.md",
-    ROOT / "CHANGELOG.md": "changelog.md",
-    ROOT / "sim/card/README.md": "guide/virtual-card.md",
-    ROOT / "tb/agents/README.md": "guide/agents.md",
-    ROOT / "tb/captures/README.md": "guide/captures.md",
+    place.page: str(place.page.relative_to(DOCS if DOCS in place.page.parents else ROOT))
+    for place in places()
 }
 BUILT = ROOT / "build"
-LIST = DOCS / "reports.md"
 EVIDENCE = re.compile(r"^<!-- evidence: ([\w-]+), (.*) -->$", re.MULTILINE)
 SUMMARIES = "<!-- evidence: summaries -->"
 # Code is found first, so that a link in it stays. The last group is the target of a link.
@@ -42,7 +39,20 @@ IN_PAGE = re.compile(f"{FENCE.pattern}|{CODE.pattern}|!?{LINK.pattern}", FENCE.f
 INDENT = re.compile(f"{FENCE.pattern}|^ {{3}}", FENCE.flags)
 
 
+def navigation() -> list[dict]:
+    """The pages in their order, sections where their first page stands; all reports follow their list."""
+    found: dict[str, list] = {}
+    for place in places():
+        pages = found.setdefault(place.section or place.title, [])
+        pages.append({place.title: PAGES[place.page]})
+        if place.page == REPORT_LIST:
+            pages += [f"reports/{name}.md" for name in evidence()]
+    alone = {place.title for place in places() if not place.section}
+    return [pages[0] if name in alone else {name: pages} for name, pages in found.items()]
+
+
 def on_config(config: MkDocsConfig) -> MkDocsConfig:
+    config.nav = navigation()
     config.mdx_configs["toc"]["slugify"] = lambda text, _separator: slug(text)
     return config
 
@@ -51,7 +61,8 @@ def on_files(files: Files, config: MkDocsConfig) -> Files:
     from mkdocs.structure.files import File
 
     for source, name in PAGES.items():
-        files.append(File.generated(config, name, abs_src_path=str(source)))
+        if DOCS not in source.parents:
+            files.append(File.generated(config, name, abs_src_path=str(source)))
     for name in evidence():
         files.append(File.generated(config, f"reports/{name}.md", content=page_of(name)))
     for folder in ("diagrams", "pictures"):
@@ -91,7 +102,7 @@ def moved(markdown: str, source: Path, name: str) -> str:
             return found[0]
         shown, text = found[0][: found[0].index("](")].split("[", 1)
         file = (source.parent / path).resolve()
-        if file == LIST and anchor in evidence():
+        if file == REPORT_LIST and anchor in evidence():
             file, hash_, anchor = REPORTS / f"{anchor}.md", "", ""
         top = BUILT if file.is_relative_to(BUILT) else DOCS
         if shown and top == BUILT and not file.exists():

@@ -17,11 +17,9 @@ from rtl.sources import ROOT
 from tools import chromium
 from tools.site import hooks
 
-REPORTS = [f"reports/{name}.md" for name in evidence()]
-NAV = re.findall(r"([\w/-]+\.md)$", (ROOT / "tools/site/mkdocs.yml").read_text(), re.MULTILINE)
 # What the build reads besides docs/ and tools/.
 READ = [f"rtl/{name}.py" for name in ("command", "report_page", "sources")]
-READ += [str(page.relative_to(ROOT)) for page in hooks.PAGES]
+READ += [str(page.relative_to(ROOT)) for page in hooks.PAGES if hooks.DOCS not in page.parents]
 # The browser opens pages as files here; a script may look into frames of other files.
 LOOK_INSIDE = ("--allow-file-access-from-files",)
 
@@ -37,7 +35,7 @@ def site(tmp_path_factory) -> Path:
     done = make(folder)
     assert done.returncode == 0, done.stderr
     # The page of switch positions is not one of MkDocs.
-    assert re.fullmatch(rf"\S*index\.html: {len(NAV) + 1} pages\n", done.stdout)
+    assert re.fullmatch(rf"\S*index\.html: {len(hooks.PAGES) + len(evidence()) + 1} pages\n", done.stdout)
     return folder
 
 
@@ -73,11 +71,6 @@ def elsewhere(addresses: list[str]) -> list[str]:
     return [address for address in addresses if re.match(r"(?!data:)([a-z]+:)?//", address)]
 
 
-def test_every_page_is_in_the_navigation_once():
-    pages = [str(page.relative_to(ROOT / "docs")) for page in (ROOT / "docs").rglob("*.md")]
-    assert sorted(NAV) == sorted([*pages, *REPORTS, *hooks.PAGES.values()])
-
-
 def test_a_link_out_of_docs_becomes_text():
     def moved(text: str, source: str = "docs/guide/timing.md", name: str = "guide/timing.md") -> str:
         return hooks.moved(text, ROOT / source, name)
@@ -85,11 +78,11 @@ def test_a_link_out_of_docs_becomes_text():
     assert moved("[the `rtl/x.v`](../../rtl/x.v)") == "the `rtl/x.v`"
     assert moved("see [the gate](../../rtl/gate/) too") == "see the gate (`rtl/gate`) too"
     assert moved("[a](../glossary.md#twin) [b](#c)") == "[a](../glossary.md#twin) [b](#c)"
-    assert moved("[limits](../../README.md#limits)") == "[limits](../index.md#limits)"
-    assert moved("![p](docs/pictures/a.svg)", "README.md", "index.md") == "![p](pictures/a.svg)"
+    assert moved("[limits](../../README.md#limits)") == "[limits](../README.md#limits)"
+    assert moved("![p](docs/pictures/a.svg)", "README.md", "README.md") == "![p](pictures/a.svg)"
     assert (
-        moved("[a](../../docs/guide/dialects.md)", "sim/card/README.md", "guide/virtual-card.md")
-        == "[a](dialects.md)"
+        moved("[a](../../docs/guide/dialects.md)", "sim/card/README.md", "sim/card/README.md")
+        == "[a](../../guide/dialects.md)"
     )
     assert (
         moved("[a](../reports.md#proofs) [b](../reports.md)")
@@ -109,13 +102,12 @@ def test_a_table_of_the_evidence_stands_in_a_guide():
 
 
 def test_the_list_of_reports_has_a_summary_of_each():
-    page = hooks.filled(hooks.LIST.read_text())
-    listed = set(re.findall(r'<a id="([\w-]+)">', page))
+    page = hooks.filled(hooks.REPORT_LIST.read_text())
     for name, entry in evidence().items():
         _, shown, rest = page.partition(f"**[{entry['title']}](reports.md#{name})**, by `{entry['command']}`")
         lines = [line for line in rest.partition("\n\n**[")[0].splitlines()[1:] if line]
         lines = [line for line in lines if not line.startswith(("```", "| ---"))]
-        assert shown and name in listed and 1 <= len(lines) <= 10, name
+        assert shown and 1 <= len(lines) <= 10, name
         figures = entry["said"] or str(next(iter(entry["tables"].values()))[0])
         assert all(word in figures for word in lines[0].strip("| ").split(" | ")), name
 
