@@ -3,7 +3,7 @@
 
 An FPGA loads these values with its configuration. Flip-flops of another technology hold anything, as do those
 after a dip of the supply. The memory keeps its firmware image: $readmemh stays. Line numbers stay, too.
-The synchronisers keep their value: that of reset_sync is the reset itself. No circuit could do without it, for
+The synchronisers keep their value: that of reset_sync is the reset itself. No circuit could do without it:
 flip-flops that hold a running card at power-up look as they do when rst_n falls, and then nothing may reach
 the memory before the clock.
 """
