@@ -54,56 +54,53 @@ PYTEST = $(RUN) pytest --durations=30 -n $(JOBS) --dist=worksteal $(if $(SIM),--
 	$(if $(TEST),-k '$(NAMED)')
 # What the tests start.
 TESTED = firmware card drive bench-card $(BUILD)/host/libtranslate.so
-SEEDED = $(if $(SEED),--seed $(SEED)) $(if $(COUNT),--count $(COUNT))
 
 # The tools that the tests named by TEST= need; ends the command if no test fits: $(call named,command).
 named = [ -z "$(TEST)" ] || { layers=$$($(RUN) tools.names $(1) '$(NAMED)' $(if $(SIM),--sim=$(SIM)) \
 	$(if $(CARD),--card=$(CARD))) && { [ -z "$$layers" ] || tools/setup.sh $$layers; }; }
 
 # ---------------------------------------------------------------- help
-.PHONY: help help-all
 help:
 	@$(call list,0)
-	@echo; echo "make help-all lists every command and every variable."
+	@echo; echo "make help-all lists every command, every campaign and every variable."
 
-help-all: ## every command and every variable
+help-all: ## every command, every campaign and every variable
 	@$(call list,1)
 	@sed -n 's/^#: //p' Makefile
 
 list = awk -v all=$(1) -F ':.*\#\# ' '\
+	function show(name, text) { if (group != "") { printf "\n%s\n", group; group = "" } printf "  make %-18s %s\n", name, text } \
 	/^\#\#@ / { group = substr($$0, 5) } \
-	/^[a-z-]+:.*\#\# / { text = $$2; daily = sub(/^\* /, "", text); if (!all && !daily) next; \
-	  if (group != "") { printf "\n%s\n", group; group = "" } printf "  make %-18s %s\n", $$1, text }' Makefile
+	/^[a-z-]+:.*\#\# / { text = $$2; daily = sub(/^\* /, "", text); if (all || daily) show($$1, text) } \
+	all && $(DESCRIBED) { split(substr($$0, 4), part, /; `make |`\./); show(part[2], part[1]) }' Makefile \
+	<(echo '\#\#@ Campaigns') campaigns/*/*.py
+DESCRIBED = /^""".*; `make [a-z-]+`\.("""|$$)/
 
 #:
 #: Variables
-#:   CONFIG=name   configuration of configs.toml (sources, card, run, demo, soak, starts, fuzz, impatient, flips, replay); default: standard
+#:   CONFIG=name   configuration of configs.toml (sources, card, run, demo, replay, campaigns); default: standard
 #:   TEST=name     part of the tests, as pytest -k takes it, or a test file (test, nightly, test-gates, waves)
 #:   SIM=name      icarus or verilator (test, nightly, waves); CARD=name: the whole card's tests as this card
 #:   FOLDERS=names of these folders the tests that are not in make test (nightly)
 #:   SEED=n        seed of random tests and campaigns; without it the tests take a fixed seed, campaigns draw one
-#:   SAMPLE=n      mutants, or all (kills); default: 60
-#:   COUNT=n       frames (fuzz, fuzz-plants), sequences (impatient), flips (flips), transactions (soak), starts (starts); RUNS=n: executions (fuzz-firmware)
-#:   MODULE=name   a module of rtl/ (formal, formal-flips, mutate); BOARD=name: a board of constraints/boards.toml (synth, image)
+#:   NAME=value    of a campaign: its option --name; `python -m campaigns.FOLDER.run --help` lists them
+#:   RUNS=n        executions (fuzz-firmware)
+#:   MODULE=name   a module of rtl/ (formal, formal-flips); BOARD=name: a board of constraints/boards.toml (synth, image)
 #:   FILE=name     a recording (wireshark, telegrams, replay); FIRMWARE=file: an image (image); SHARD=I/N: a part
 #:                 (mutate-firmware)
 #:   UNIT=, BAUD=, CHANNEL=name, FORMAT=8N2, INVERT=yes, REPLIES=no, FOR=s, DIALECT=name, STRICT_T15=no,
 #:   BREAK_TOLERANT=yes   docs/guide/debugging.md (replay)
-#:   BAUD=n, TRIAL=file, REPLAY=file, WAVE=file   one rate, one flip, one case, its waveform (flips, fuzz)
-#:   SLAVE=name    this slave alone, with its faults in the terminal (conformance)
 #:   JOBS=n        processes; default: 2. CHECK=1: write nothing (coverage-firmware)
 #:   PORT=device   of a real card's adapter; UNIT=, BAUD=, FORMAT=, DIALECT= as the card is set; DRIVE=yes: a drive is
 #:                 connected; BOOT=yes, ROW=text, START=percent: docs/guide/bring-up.md (selftest)
 #:   EXTENDED_SWITCHES=1   38400 and 115200 bit/s and 8N1 (card); BOARD=name-extended likewise (synth, image, release)
-#:   CARD_ARGS=..., BENCH_ARGS=...   more options of build/card (run), of campaigns.bench.run (bench, bench-fast)
-#:   MASTER=name, DIALECT=name   one master, one dialect: the answers on the terminal, no page (masters)
+#:   CARD_ARGS=..., BENCH_ARGS=...   more options of build/card (run), of campaigns.bench.run (bench)
 #:   DRAFT=1       a development build: files named -draft; BOARD=name: with this board alone; CHECK=1: build again
 #:                 and compare; TAG=v1.2.3: refused unless it is that of VERSION (release)
 #:   CHANNEL=name, INVERT=yes   the drive line's (telegrams); TELEGRAMS_ARGS=...   more options of rtu2fc decode
 #:   V=1           show the commands
 
 ##@ Use the card
-.PHONY: demo run card firmware wheels
 demo: card ## * the manual's examples, asked by real Modbus masters (30 s)
 	@$(RUN) sim.card.demo
 
@@ -117,7 +114,6 @@ wheels: | setup-test ## the command rtu2fc for any computer, and the agents, as 
 
 firmware: $(BUILD)/firmware.hex ## the firmware images: both cards, each dialect, each option, boards with 16 KiB
 
-.PHONY: waves wireshark telegrams replay
 waves: firmware | setup-test ## * waveform, capture and log of a test: make waves TEST=name (10 s for a module)
 	@[ -n "$(TEST)" ] || { echo "say which test: make waves TEST=name" >&2; exit 2; }
 	@$(RUN) tools.names waves '$(NAMED)' --sim=$(or $(SIM),icarus) >/dev/null
@@ -143,7 +139,6 @@ replay: firmware | setup-test ## a recorded bus (.sr, .vcd) played to the card: 
 		$(call given,strict-t15,STRICT_T15) $(call given,break-tolerant,BREAK_TOLERANT)
 
 ##@ Test
-.PHONY: test nightly test-gates lint format trace
 test: | setup-test ## * every rule of the card, each test of a few seconds (4 min from a clean clone, 9.5 min without the build cache; TEST=name: a part)
 	@$(call named,test)
 	@$(MAKE) -j$(JOBS) $(TESTED)
@@ -167,31 +162,19 @@ trace: | setup-test ## * which test shows which rule, and its last result (8 s)
 	@$(RUN) tools.trace
 
 ##@ Prove
-.PHONY: formal formal-flips mutate kills
 formal: | setup-test ## * prove the promises of formal/ (3 min; MODULE=name: one module)
 	@$(RUN) formal.prove $(MODULE) --jobs $(JOBS) $(if $(MODULE),,--write)
 
 formal-flips: | setup-test ## prove that one flipped bit does no harm, bit by bit (23 min; MODULE=name)
 	@$(RUN) formal.flips $(MODULE) --jobs $(JOBS) $(if $(MODULE),,--write)
 
-mutate: firmware | setup-test ## change modules on purpose; proofs and benches must notice (hours; MODULE=)
-	@$(RUN) campaigns.mutate.run $(or $(MODULE),--all) --jobs $(JOBS) --write
-
-kills: firmware | setup-synth setup-firmware ## which test notices each planted bug and SAMPLE= mutants (45 min; SAMPLE=60)
-	@$(RUN) campaigns.kills.run $(if $(SAMPLE),--sample $(SAMPLE)) $(if $(SEED),--seed $(SEED)) --jobs $(JOBS)
-
 ##@ Measure
 # Built by content: at once if nothing has changed.
-.PHONY: bench-card bench-tiny
 bench-card: firmware | setup-test ## the simulated card of the bench
 	@$(RUN) sim.harness.library bench
 
 bench-tiny: firmware | setup-test ## the same of the small card
 	@$(RUN) sim.harness.library tiny
-
-.PHONY: bench bench-fast line-quality soak soak-page masters conformance coverage-rtl figures
-bench: bench-card bench-tiny card drive | setup-test ## * turnaround on the pins; writes build/reports/results.md (60 min)
-	@$(RUN) campaigns.bench.run $(BENCH_ARGS)
 
 bench-fast: bench-card drive | setup-test ## the part of the bench that `make test` runs
 	@$(RUN) campaigns.bench.run --fast $(BENCH_ARGS)
@@ -199,53 +182,13 @@ bench-fast: bench-card drive | setup-test ## the part of the bench that `make te
 figures: | setup-test ## * which measured figures are of an older card, and what renews them (3 s)
 	@$(RUN) tools.figures
 
-line-quality: firmware drive | setup-test ## the limits of rate error, edges and glitches, at all rates and formats
-	@$(RUN) campaigns.line_quality.run $(SEEDED) --jobs $(JOBS)
-
-soak: card drive | setup-test ## long mixed traffic over the virtual card, against the models (COUNT=, SEED=, CONFIG=)
-	@$(RUN) campaigns.soak.run --config $(CONFIG) $(SEEDED)
-
-soak-page: firmware | setup-test ## build/reports/soak.md from the soaks of both cards
-	@$(RUN) campaigns.soak.page
-
-conformance: firmware drive | setup-test ## the card and other slaves against the specification, test by test (SLAVE=)
-	@$(RUN) campaigns.conformance.run $(if $(SLAVE),--only '$(SLAVE)')
-
-masters: card | setup-masters ## eleven Modbus masters ask the virtual card; downloads them (MASTER=, DIALECT=: a part)
-	@$(RUN) campaigns.masters.run $(foreach option,master dialect,$(call given,$(option),$(call upper,$(option))))
-
-coverage-rtl: firmware | setup-test ## lines, branches and toggles of rtl/ that the benches run
-	@$(RUN) campaigns.coverage.run --jobs $(JOBS)
-
-##@ Attack
-.PHONY: starts starts-page fuzz impatient fuzz-plants flips flips-report
-starts-page: firmware | setup-test ## build/reports/starts.md from the starts of both cards
-	@$(RUN) campaigns.starts.page
-
-starts: firmware | setup-test ## power-up with random register contents, reset at any clock (COUNT=, SEED=, CONFIG=)
-	@$(RUN) campaigns.starts.run --config $(CONFIG) $(SEEDED)
-
-fuzz: firmware drive | setup-test ## * random lines and drives against the models (1 min for 2000 frames; COUNT=frames; CONFIG=tiny; REPLAY=case)
-	@$(RUN) campaigns.fuzz.run --config $(CONFIG) $(SEEDED) $(if $(REPLAY),--replay $(REPLAY)) $(if $(WAVE),--wave $(WAVE))
-
-impatient: firmware drive | setup-test ## masters that give up and go on: was the drive told what the image shows (COUNT=, SEED=, CONFIG=)
-	@$(RUN) campaigns.fuzz.impatient --config $(CONFIG) $(SEEDED) --jobs $(JOBS)
-
 fuzz-plants: firmware drive | setup-test ## how many frames each planted bug lives
 	@$(RUN) campaigns.fuzz.run --plants --seed $(or $(SEED),1) --count $(or $(COUNT),20000)
-
-flips: firmware drive | setup-test ## single flipped bits under traffic (COUNT=, BAUD=, CONFIG=; TRIAL=one flip)
-	@$(RUN) campaigns.flips.run --config $(CONFIG) $(SEEDED) $(if $(BAUD),--baud $(BAUD)) $(if $(TRIAL),--trial $(TRIAL))
 
 flips-report: | setup-test ## all shards of flips in build/fuzz as one table
 	@$(RUN) campaigns.flips.run --report
 
-.PHONY: fuzz-page
-fuzz-page: | setup-test ## build/reports/fuzz.md from the results of fuzz, fuzz-plants and flips
-	@$(RUN) campaigns.fuzz.page
-
 ##@ Firmware
-.PHONY: coverage-firmware fuzz-firmware mutate-firmware
 coverage-firmware: firmware | setup-firmware ## branches of the firmware that its host tests take (CHECK=1)
 	@$(RUN) sw.test.coverage $(if $(CHECK),--check,--write)
 
@@ -256,7 +199,6 @@ mutate-firmware: firmware | setup-firmware ## mutants of the translation core th
 	@$(RUN) sw.test.mutate $(if $(SHARD),--shard $(SHARD),--jobs $(JOBS) --write)
 
 ##@ Build for hardware
-.PHONY: synth image pins sources portability selftest serial-drive
 synth: firmware | setup-synth ## * bitstreams and resource use (22 min; BOARD=name: one board; all boards write the report)
 	@$(RUN) constraints.synth $(BOARD)
 
@@ -289,7 +231,6 @@ portability: firmware | setup-synth ## the card in other people's tools: Yosys's
 	@$(RUN) constraints.portability
 
 ##@ Write what is generated
-.PHONY: regs regs-check diagrams symptoms docs datasheet pictures
 regs: | setup-test ## everything derived from regs/
 	@$(RUN) regs.regs
 	@$(RUN) tools.handbook
@@ -315,8 +256,28 @@ docs: | setup-docs ## the documentation site, readable offline: build/docs-site/
 datasheet: | setup-pages ## the data sheet from docs/evidence.json: build/datasheet, HTML and PDF (3 s)
 	@$(RUN) tools.datasheet
 
+# The description of a program of campaigns/ begins with what it does, and "; `make NAME`.": it is that command. Each
+# variable of the command line is an option of it: COUNT=5 as --count "5". Its line `# needs: card | setup-test` has
+# other prerequisites than these.
+NEEDS := firmware drive | setup-test
+CAMPAIGNS := $(shell awk 'FNR == 1 { needs = "$(NEEDS)" } sub(/^\# needs: /, "") { needs = $$0 } \
+	$(DESCRIBED) { gsub(" ", ",", needs); sub(/`\..*/, ""); sub(/.*`make /, ""); \
+	print $$0 "=" FILENAME "=" needs }' campaigns/*/*.py)
+GIVEN = $(strip $(foreach name,$(.VARIABLES),$(if $(filter command,$(origin $(name))),$(name))))
+OPTIONS = $(foreach name,$(filter-out V %_ARGS $(if $(findstring "--jobs",$(file <$(1))),,JOBS),$(GIVEN)),--$(shell \
+	tr A-Z_ a-z- <<<'$(name)') "$($(name))")
+comma := ,
+# Name, file and prerequisites.
+define campaign
+.PHONY: $(1)
+$(1): $(subst $(comma), ,$(3))
+	@$$(RUN) $(subst /,.,$(basename $(2))) $$(call OPTIONS,$(2)) $$($$(call upper,$(1))_ARGS)
+
+endef
+$(foreach each,$(CAMPAIGNS),$(eval $(call campaign,$(word 1,$(subst =, ,$(each))),$(word 2,$(subst =, ,$(each))),$(word \
+	3,$(subst =, ,$(each))))))
+
 ##@ Workshop
-.PHONY: setup clean release version
 release: diagrams | setup-synth setup-pages setup-docs ## all files of a release: build/dist (DRAFT=1, BOARD=name, CHECK=1)
 	@$(RUN) tools.release $(if $(TAG),--tag "$(TAG)") $(if $(DRAFT),--draft) $(if $(BOARD),--board $(BOARD)) $(if $(CHECK),--check)
 
@@ -326,7 +287,7 @@ version: ## the version of the release, as in VERSION
 setup: setup-all ## install everything at once, but for make masters (the other commands install what they need)
 
 LAYERS := demo test views pages lint firmware synth docs masters all
-.PHONY: $(LAYERS:%=setup-%)
+.PHONY: $(LAYERS:%=setup-%) $(shell sed -n 's/^\([a-z-]*\):\( .*\)\?$$/\1/p' Makefile)
 $(LAYERS:%=setup-%): setup-%:
 	@tools/setup.sh $*
 

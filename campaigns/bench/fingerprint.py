@@ -82,6 +82,12 @@ def _campaign(name: str) -> list[tuple[str, str]]:
     ]
 
 
+def judge(campaign: str) -> str:
+    """Of a campaign without a function here: its programs, and what they may share."""
+    programs = (ROOT / "campaigns" / campaign).glob("*.py")
+    return _digest([*_lines(), *(_python(path) for path in sorted(programs) if path.stem[:5] != "test_")])
+
+
 def fuzz_judge() -> str:
     """Actions of the fuzzer on the card, and its verdicts."""
     traffic = [
@@ -153,8 +159,8 @@ SUBJECTS: dict[str, Callable[[], str]] = {
 
 
 def now(*names: str) -> dict[str, str]:
-    """The present fingerprints of these subjects."""
-    return {name: SUBJECTS[name]() for name in names}
+    """The present fingerprints of these subjects, or of the judges of other campaigns (`NAME judge`)."""
+    return {name: SUBJECTS[name]() if name in SUBJECTS else judge(name.split()[0]) for name in names}
 
 
 def difference(one: dict[str, str], other: dict[str, str]) -> list[str]:

@@ -1,5 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Measures the card on its pins and prints the results.
+# needs: bench-card bench-tiny card drive | setup-test
+"""Measures turnaround on the card's pins and writes build/reports/results.md (60 min); `make bench`.
 
     python -m campaigns.bench.run [--seed N] [--jobs N]     everything: writes build/reports/results.md and
     docs/pictures/latency.svg

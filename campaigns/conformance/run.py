@@ -1,8 +1,8 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Grades every slave by the numbered tests and writes build/reports/conformance.md (`make conformance`).
+"""Grades our card and other slaves by the numbered tests (SLAVE=name: one of them); `make conformance`.
 
     python -m campaigns.conformance.run                 every slave
-    python -m campaigns.conformance.run --only NAME     one slave; prints its faults, own codes and reasons
+    python -m campaigns.conformance.run --slave NAME    one slave; prints its faults, own codes and reasons
 
 Results are kept in build/conformance/results.json. The page is written when every slave has a result. A slave
 that cannot be graded gets one line and keeps its last result; the other slaves are graded, and the exit code
@@ -191,10 +191,10 @@ def failures_of_ours(kept: dict[str, dict]) -> list[str]:
 def main(arguments: list[str] | None = None) -> int:
     every = subjects()
     parser = Parser(prog="conformance", description=__doc__.splitlines()[0])
-    parser.add_argument("--only", choices=list(every), metavar="NAME", help=f"one of {', '.join(every)}")
+    parser.add_argument("--slave", choices=list(every), metavar="NAME", help=f"one of {', '.join(every)}")
     given = parser.parse_args(arguments)
     kept, wrong = results(), 0
-    for subject in [every[given.only]] if given.only else every.values():
+    for subject in [every[given.slave]] if given.slave else every.values():
         print(f"{subject.title}, {subject.way} ...", end=" ", flush=True)
         try:
             verdicts = subject.graded()
@@ -206,7 +206,7 @@ def main(arguments: list[str] | None = None) -> int:
         kept = results()  # another run may have added a slave
         kept[subject.name] = {"stated": subject.stated(), "verdicts": [asdict(one) for one in verdicts]}
         print(", ".join(f"{count} {name}" for count, name in zip(counts(verdicts), MARKS, strict=True)))
-        if given.only:
+        if given.slave:
             for one in verdicts:
                 if one.outcome in (FAIL, OWN_CODE, NONE):
                     print(f"  {one.outcome:10} {one.number:6} {one.text}")
@@ -219,7 +219,7 @@ def main(arguments: list[str] | None = None) -> int:
     failed = failures_of_ours(kept)
     for line in failed:
         print(f"fails: {line}")
-    return 2 if wrong else 1 if failed or (given.only and fails(kept[given.only])) else 0
+    return 2 if wrong else 1 if failed or (given.slave and fails(kept[given.slave])) else 0
 
 
 if __name__ == "__main__":

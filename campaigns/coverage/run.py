@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Coverage of rtl/ by the tests, counted by Verilator: lines, branches, toggles; `make coverage-rtl`.
+"""Lines, branches and toggles of rtl/ that the tests run, counted by Verilator; `make coverage-rtl`.
 
     python -m campaigns.coverage.run [--jobs N]    runs the tests of TESTS, writes build/reports/coverage.md
     python -m campaigns.coverage.run --report      writes the page from the counts of the last run

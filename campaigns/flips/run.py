@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Flips single bits of the running card and reports the effect of each; `make flips`.
+"""Flips single bits of the running card under traffic (COUNT=, BAUD=, TRIAL=one flip); `make flips`.
 
     make flips [SEED=N] [COUNT=FLIPS] [BAUD=N] [CONFIG=NAME] [TRIAL=SEED/NUMBER], or
     python -m campaigns.flips.run [--seed N] [--count FLIPS] [--baud RATE] [--config NAME]  # a shard:

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Impatient masters: each request follows after a time-out, whatever card and drive still do (SAFE-8).
+"""Masters that do not wait: was the drive told what the image shows (SAFE-8); `make impatient`.
 
     make impatient [CONFIG=tiny] [SEED=N] [COUNT=SEQUENCES] [JOBS=N], or
     python -m campaigns.fuzz.impatient [--config tiny] [--seed N] [--count SEQUENCES] [--jobs N] [--jams]

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Differential fuzzing of the whole card: random lines and drive, judged by the models; `make fuzz`.
+"""Random lines and drives, judged by the models (1 min for COUNT=2000 frames; REPLAY=case); `make fuzz`.
 
     make fuzz [CONFIG=tiny] [SEED=N] [COUNT=FRAMES] [REPLAY=FILE.json [WAVE=FILE.fst]], or
     python -m campaigns.fuzz.run [--config tiny] [--seed N] [--count FRAMES] [--bauds 9600]

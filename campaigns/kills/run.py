@@ -1,5 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The kill matrix: which test or proof notices each mutant and each planted bug (`make kills`).
+# needs: firmware | setup-synth setup-firmware
+"""Which test or proof notices each mutant and planted bug (45 min for SAMPLE=60); `make kills`.
 
     python -m campaigns.kills.run [--sample N|all] [--seed N] [--jobs N] [--only TEXT]
 

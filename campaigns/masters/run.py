@@ -1,5 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Eleven Modbus masters ask the virtual card, in all three dialects; `make masters`.
+# needs: card | setup-masters
+"""Eleven Modbus masters, downloaded, ask the virtual card (MASTER=, DIALECT=: a part); `make masters`.
 
     python -m campaigns.masters.run                    writes answers.json and build/reports/masters.md
     python -m campaigns.masters.run --master mbpoll    a part (also --dialect); prints it, writes nothing

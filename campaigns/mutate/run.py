@@ -1,10 +1,10 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Changes a Verilog module in one place at a time and checks whether its proofs or tests fail.
+"""Changes Verilog in one place at a time; proofs or tests must fail (hours; MODULE=name); `make mutate`.
 
-    python -m campaigns.mutate.run MODULE ... [--count N] [--seed N] [--jobs N]
-    python -m campaigns.mutate.run --all [...]          every module of rtl/ that has a bench
+    python -m campaigns.mutate.run [--module NAME] [--count N] [--seed N] [--jobs N]
     python -m campaigns.mutate.run --report             one table of everything in build/mutate/
-    ... --write                          also writes it into build/reports/mutants.md
+
+Without a name it takes every module of rtl/ that has a bench. The table stands in build/reports/mutants.md.
 
 A mutant is one change of the source: an operator, a constant, a condition that is always true or false, a
 removed assignment or connection. A change that does not compile is not a mutant. A mutant is caught if a
@@ -488,7 +488,7 @@ def survivor_of(mutant: Mutant) -> str:
     return f"- `{mutant.module}`: `{mutant.before}` → `{mutant.after}`: {verdict}"
 
 
-def report(write: bool) -> int:
+def report(write: bool = True) -> int:
     """Prints the table of all result files; `write` updates the document, other modules' rows stay."""
     groups: dict[str, tuple[str, int, list[Mutant]]] = {}
     for file in sorted(WORK.glob("*.json")):
@@ -564,10 +564,8 @@ def benches() -> list[str]:
 
 def main() -> int:
     parser = Parser(prog="mutate", description=__doc__.splitlines()[0])
-    parser.add_argument("modules", nargs="*", metavar="MODULE")
-    parser.add_argument("--all", action="store_true")
+    parser.add_argument("--module")
     parser.add_argument("--report", action="store_true")
-    parser.add_argument("--write", action="store_true", help="put the table into build/reports/mutants.md")
     parser.add_argument(
         "--count", type=at_least(1), default=40, help="mutants a module (default: %(default)s)"
     )
@@ -575,15 +573,12 @@ def main() -> int:
     parser.add_argument("--jobs", type=at_least(1), default=2)
     options = parser.parse_args()
     if options.report:
-        return report(options.write)
+        return report()
     known = benches()
-    modules = known if options.all else options.modules
-    if not modules:
-        parser.error("name a module, or use --all")
-    for module in modules:
-        if module not in known:
-            print(f"mutate: no module {module} with a bench; there are: {', '.join(known)}", file=sys.stderr)
-            return 2
+    modules = [options.module] if options.module else known
+    if unknown := [module for module in modules if module not in known]:
+        print(f"mutate: no module {unknown[0]} with a bench; there are: {', '.join(known)}", file=sys.stderr)
+        return 2
     try:
         for module in modules:
             MutationRun(module, options.count, options.seed).run(options.jobs)
@@ -593,7 +588,7 @@ def main() -> int:
     except KeyboardInterrupt:
         print("mutate: stopped; the next run goes on from here", file=sys.stderr)
         return 130
-    return report(options.write)
+    return report()
 
 
 if __name__ == "__main__":

@@ -1,5 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Long mixed traffic: pymodbus sends requests to the virtual card; the models check both lines.
+# needs: card drive | setup-test
+"""Long mixed traffic: pymodbus asks the virtual card, the models check both lines (COUNT=); `make soak`.
 
     python -m campaigns.soak.run                     the three dialects, 2,000 + 500 + 500 transactions
     python -m campaigns.soak.run --config tiny       the small card, which has the dialect `card`

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Starts the card many times, from random register contents and by resets at any clock; `make starts`.
+"""Starts the card from random register contents and by resets at any clock (COUNT=); `make starts`.
 
     python -m campaigns.starts.run [--config NAME] [--count STARTS] [--seed FIRST]
 
