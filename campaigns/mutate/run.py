@@ -55,7 +55,8 @@ FAILED = re.compile(r"^(?:FAILED|ERROR) (\S+::.+?)(?: - .*)?$", re.M)
 OF_CARD, OF_MODULE = ["--sim=verilator"], ["--sim=icarus", *IN_CI]
 # Modules that the bench of another one plays.
 BENCH_IN = dict.fromkeys(("ram_bank", "ram_lane", "word_parity"), "firmware_ram")
-BENCH_IN |= {"crc16_modbus": "rtu_tx", "guarded_half": "guarded_bit", "sparse_state": "rtu_rx"}
+BENCH_IN |= {"crc16_modbus": "rtu_rx", "sparse_state": "rtu_rx"}
+BENCH_IN |= {"rtu_tx": "network_port", "guarded_half": "guarded_bit"}
 GATE = ("licences", "reply_slot", "request_state", "telegram_slot")
 BENCH_IN |= dict.fromkeys(GATE, "commit_gate")
 # The whole card is tested by subject.

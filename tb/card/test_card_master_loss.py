@@ -229,50 +229,6 @@ def test_the_card_or_the_firmware_alone_sends_none(option: bool, image: str):
 
 
 LICENCE = "mailbox_i.gate_i.g_loss.loss_i."
-HALVES = ("armed_i.held_i.half", "armed_i.opposite_i.half", "over_i.held_i.half", "over_i.opposite_i.half")
-COUNTS = ("left", "limit")
-
-
-@pytest.mark.nightly
-@pytest.mark.rule("SAFE-4")
-@pytest.mark.parametrize("started", [False, True])
-def test_no_flipped_bit_of_the_licence_sends_a_stop_too_early(started: bool):
-    """Both halves of a pair at once, too: then the firmware's clock alone holds the stop back."""
-    with Master(extra="flips") as master:
-        pairs = [
-            ("armed_i.held_i.half", "armed_i.opposite_i.half"),
-            ("over_i.held_i.half", "over_i.opposite_i.half"),
-        ]
-        flips = [*((half,) for half in HALVES), *pairs, *((count,) for count in COUNTS)]
-        for names in flips:
-            master.set_wait(TENS)  # the flip of one half restarted the firmware
-            if started:
-                master.started()
-            for name in names:
-                for bit in (0, 1, 5, 6) if name in COUNTS else (0,):
-                    master.card.flip(LICENCE + name, 0, bit)
-            master.card.run(3 * TENS if started else 30 * TENS)
-            assert master.heard() == [], names
-            master.card.run(master.card.boot_ms)
-            master.write(0)
-            master.card.run(REPLIED_MS)
-            master.heard()
-
-
-@pytest.mark.nightly
-@pytest.mark.rule("SAFE-4")
-def test_after_a_flip_the_next_start_is_watched_as_ever():
-    """The flip of a half restarts the firmware."""
-    with Master(extra="flips") as master:
-        for half in HALVES:
-            master.started()
-            master.card.flip(LICENCE + half, 0, 0)
-            master.card.run(master.card.boot_ms)
-            master.set_wait(TENS)
-            commit = master.started()
-            assert 10 * TENS <= master.stop_ms(commit) <= 10 * TENS + LATE_MS
-            master.card.run(50)
-            assert master.heard() == [STOP]
 
 
 GATE = "mailbox_i.gate_i."

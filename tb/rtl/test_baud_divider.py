@@ -4,7 +4,7 @@
 import cocotb
 import pytest
 
-from regs.generated.card_tables import BASE_HZ, DRIVE_BAUD, EXTENDED_RATES, TICKS_PER_BIT, Rate
+from regs.generated.card_tables import EXTENDED_RATES, Rate
 from tb.lib.bench import Bench, Strobes
 from tb.lib.runner import run
 from tb.lib.seeds import cases, seeded
@@ -33,12 +33,6 @@ async def ticks_since_power_up_follow_the_count(dut):
                 assert int(getattr(dut, name).value) == (level and base % ratio == 0), f"{name}, {base}"
 
 
-@cocotb.test()
-async def every_rate_divides_the_base_evenly(dut):
-    for rate in EXTENDED_RATES.values():
-        assert rate.ratio * rate.baud * TICKS_PER_BIT == BASE_HZ
-
-
 def levels(rate: Rate, **more: int) -> dict[str, int]:
     return {"modbus_undivided": rate.ratio == 1, "modbus_mask": rate.mask, **more}
 
@@ -51,34 +45,6 @@ async def ticks_come_every_ratio_base_ticks(dut, rate):
         await bench.clocks(5 * ratio + 2)
         gaps = {b - a for a, b in zip(ticks.times_ps, ticks.times_ps[1:], strict=False)}
         assert gaps == {ratio * bench.period_ps}
-
-
-@cocotb.test()
-async def drive_ticks_do_not_depend_on_the_switches(dut):
-    assert DRIVE * DRIVE_BAUD * TICKS_PER_BIT == BASE_HZ
-    bench = await Bench(dut, **levels(EXTENDED_RATES["000"], tick_base=1)).start()
-    ticks = Strobes(dut, "tick16_drive")
-    for rate in EXTENDED_RATES.values():
-        for name, level in levels(rate).items():
-            getattr(dut, name).value = level
-        await bench.clocks(50)
-    gaps = {b - a for a, b in zip(ticks.times_ps, ticks.times_ps[1:], strict=False)}
-    assert gaps == {DRIVE * bench.period_ps}
-
-
-@cocotb.test()
-async def divider_counts_uneven_base_ticks(dut):
-    rng = seeded("base ticks")
-    bench = await Bench(dut, **levels(EXTENDED_RATES["100"], tick_base=0)).start()
-    ticks, given = Strobes(dut, "tick16_modbus"), 0
-    for _ in range(300):
-        level = rng.randint(0, 1)
-        dut.tick_base.value = level
-        given += level
-        await bench.clocks()
-    dut.tick_base.value = 0
-    await bench.clocks(2)
-    assert len(ticks) in (given // 3, given // 3 + 1)
 
 
 @pytest.mark.rule("LINE-2", "LINE-4", "FC-1")

@@ -75,26 +75,6 @@ async def it_is_due_once_the_whole_period_has_passed(dut, period):
 
 
 @cocotb.test()
-@cocotb.parametrize(
-    without=[
-        {"rights": 0},
-        {"writes_coils": 0},
-        {"running": 0},
-        {"period": 0},
-        {"watch": 0},
-    ]
-)
-async def nothing_is_due_without(dut, without):
-    loss = await Loss(dut).start()
-    await loss.clock(commits=1)
-    await loss.clock(**{"watch": 1, **LEVELS, "period": PERIOD, **without})
-    for _ in range(3):
-        await loss.ticks(3 * PERIOD)
-        assert not loss.due
-        await loss.clock(commits=1)
-
-
-@cocotb.test()
 async def a_commit_begins_the_wait_anew_and_takes_the_licence_at_once(dut):
     loss = await Loss(dut).start()
     await loss.armed()
@@ -110,23 +90,6 @@ async def a_commit_begins_the_wait_anew_and_takes_the_licence_at_once(dut):
     await loss.clock(commits=1, take=1)
     await loss.ticks(PERIOD + 1)
     assert loss.due, "an order that was refused used nothing"
-
-
-@cocotb.test()
-async def a_write_without_start_disarms_and_other_requests_only_set_the_period(dut):
-    loss = await Loss(dut).start()
-    await loss.armed()
-    await loss.clock(watch=1, writes_coils=0, running=0, period=0)
-    await loss.ticks(4 * PERIOD)
-    assert not loss.due, "never"
-    await loss.clock(watch=1, writes_coils=0, running=0, period=2 * PERIOD)
-    await loss.ticks(2 * PERIOD)
-    assert not loss.due
-    await loss.ticks(1)
-    assert loss.due, "armed still"
-    await loss.clock(watch=1, writes_coils=1, running=0, period=PERIOD)
-    await loss.ticks(4 * PERIOD)
-    assert not loss.due
 
 
 @cocotb.test()

@@ -8,9 +8,11 @@ import itertools
 
 import cocotb
 import pytest
+from cocotb.triggers import FallingEdge, RisingEdge
 
 from regs.generated.card_tables import BASE_HZ, EXTENDED_RATES
 from tb.agents import rtu
+from tb.agents.crc16 import crc_good
 from tb.agents.uart import Flaws, Format, now_ps
 from tb.lib.bench import Bench, Strobes
 from tb.lib.card import baud_switches, switch_word
@@ -82,12 +84,12 @@ class Port:
         await self.silence()
         return end
 
-    async def reply(self, contents: bytes) -> bytes:
+    async def reply(self, contents: bytes, length: int | None = None) -> bytes:
         self.memory.memory = contents
-        self.dut.reply_length.value = len(contents)
+        self.dut.reply_length.value = len(contents) if length is None else length
         await self.bench.strobe(self.dut.reply_start)
         frame = await self.line.monitor.frame(1e12, gap_bits=3)
-        assert frame.ok
+        assert frame.ok and frame.largest_gap_ps < 0.02 * self.line.fmt.bit_ps
         return frame.data
 
     def outcome(self) -> tuple[int, int, int]:
@@ -557,6 +559,77 @@ async def port_is_quiet_only_after_t35_of_silence(dut):
 
 
 @cocotb.test()
+async def reply_of_any_length_leaves_without_a_gap(dut):
+    rng = seeded("replies")
+    port = await Port(dut, 115_200).start()
+    for length in (2, 3, 5, 8, 24, 31):
+        contents = rng.randbytes(32)
+        port.memory.reads.clear()
+        assert await port.reply(contents, length) == rtu.with_crc(contents[:length])
+        assert port.memory.reads == list(range(length)), "each byte is read once"
+        await port.silence()
+    port.line.check_direction()
+
+
+@cocotb.test()
+async def reply_with_a_byte_damaged_at_any_time_has_a_wrong_crc_and_no_other_has(dut):
+    """The bytes leave as they were read, whenever the memory finds one damaged (SAFE-4)."""
+    rng = seeded("damage")
+    port = await Port(dut, 115_200).start()
+    contents = rng.randbytes(4)
+    character = 16 * port.line.fmt.bits
+    await port.bench.strobe(dut.read_damaged)  # of an earlier access
+    assert await port.reply(contents) == rtu.with_crc(contents)
+    # The first byte, each later one, and the first bits of the CRC.
+    for clocks in (2, *(n * character + rng.randrange(character) for n in range(4)), 4 * character + 20):
+        await port.silence()
+        replying = cocotb.start_soon(port.reply(contents))
+        await RisingEdge(dut.sending)
+        await port.bench.clocks(clocks)
+        await port.bench.strobe(dut.read_damaged)
+        sent = await replying
+        assert sent[:4] == contents and len(sent) == 6
+        assert not crc_good(sent), f"damage {clocks} clocks after the start: {sent.hex(' ')}"
+        await port.silence()
+        assert await port.reply(contents) == rtu.with_crc(contents)
+
+
+@cocotb.test()
+async def reply_is_over_with_its_last_stop_bit(dut):
+    port = await Port(dut, 115_200).start()
+    replying = cocotb.start_soon(port.reply(b"\x01\x03\x02\x12\x34"))
+    await FallingEdge(dut.sending)
+    late = (now_ps() - port.line.monitor.characters[-1].end_ps) / port.line.fmt.bit_ps
+    assert 0 <= late < 0.2, f"{late:.2f} bits"
+    await replying
+
+
+@cocotb.test()
+async def reply_whose_length_shrinks_ends_after_the_whole_memory(dut):
+    """The count has already passed the new length: 32 bytes and their CRC are sent, and no more (SAFE-2)."""
+    port = await Port(dut, 115_200).start()
+    contents = seeded("shrinks").randbytes(32)
+    replying = cocotb.start_soon(port.reply(contents, 20))
+    while len(port.memory.reads) < 12:
+        await port.bench.clocks()
+    dut.reply_length.value = 5
+    assert await replying == rtu.with_crc(contents)
+    port.line.check_direction()
+
+
+@cocotb.test()
+async def reply_ends_with_a_reset(dut):
+    port = await Port(dut, 115_200).start()
+    dut.reply_length.value = 10
+    await port.bench.strobe(dut.reply_start)
+    await port.bench.clocks(600)
+    assert dut.de.value == 1
+    await port.bench.strobe(dut.rst)
+    await port.bench.clocks()
+    assert dut.de.value == 0 and dut.tx.value == 1 and dut.sending.value == 0
+
+
+@cocotb.test()
 async def bytes_received_while_sending_are_ignored(dut):
     port = await Port(dut).start()
     replying = cocotb.start_soon(port.reply(bytes(20)))
@@ -581,6 +654,7 @@ COMMON = [
     "the_loopback_tests_pattern_has_a_wrong_crc",
     "port_is_quiet_only_after_t35_of_silence",
     "bytes_received_while_sending_are_ignored",
+    "reply_.*",
 ]
 
 
@@ -596,7 +670,7 @@ LONG = [
 @on_verilator
 @pytest.mark.rule(
     *("LINE-1", "LINE-2", "LINE-3", "LINE-6", "FRAME-1", "FRAME-2", "FRAME-3", "FRAME-4", "FRAME-5"),
-    *("FRAME-6", "FRAME-8", "LINE-5", "SAFE-2", "LOOP-1"),
+    *("FRAME-6", "FRAME-8", "LINE-5", "SAFE-2", "SAFE-4", "LOOP-1"),
 )
 def test_network_port(sim):
     what = rf"(?!{'|'.join(LONG)})({'|'.join(COMMON)})"

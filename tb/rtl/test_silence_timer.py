@@ -94,25 +94,6 @@ async def activity_pauses_the_count(dut):
 
 
 @cocotb.test()
-async def character_just_before_a_limit_starts_the_count_again(dut):
-    timer = await Timer(dut).start()
-    await timer.bench.clocks(SHORT)
-    await timer.restart()
-    await timer.bench.clocks(SHORT)
-    assert len(timer.short) == 0
-    await timer.bench.clocks(5)
-    assert timer.ticks(timer.short) == [SHORT + ONE_STOP_TICKS]
-
-
-@cocotb.test()
-async def held_restart_reaches_no_limit(dut):
-    timer = await Timer(dut).start()
-    dut.restart.value = 1
-    await timer.bench.clocks(3 * LONG)
-    assert len(timer.short) == 0 and len(timer.long) == 0 and dut.long_silent.value == 0
-
-
-@cocotb.test()
 @cocotb.parametrize(two_stop=(0, 1))
 async def silence_counts_from_the_end_of_the_cards_own_reply(dut, two_stop):
     """DE falls with the last stop bit, so the count starts there in every format."""

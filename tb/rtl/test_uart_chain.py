@@ -97,35 +97,6 @@ async def glitch_of_less_than_a_quarter_bit_anywhere_in_a_character_is_ignored(d
         await line.expect(rng.randbytes(1), Flaws(glitches=[(place, 0.24)]), f"glitch at {place:.3f} bits")
 
 
-@cocotb.test()
-async def glitches_on_the_idle_line_are_ignored(dut):
-    rng = seeded("glitches")
-    line = Line(dut)
-    await line.bench.start()
-    await line.use(19200, "8E1")
-    for _ in range(60):
-        await line.source.low_pulse(rng.uniform(0.01, 0.245) * line.source.fmt.bit_ps)
-        await line.source.idle(rng.uniform(0.3, 2))
-    await line.source.idle(12)
-    assert len(line.starts) == 0 and len(line.out) == 0
-
-
-@cocotb.test()
-async def line_low_from_power_up_is_a_break_and_no_character(dut):
-    line = Line(dut)
-    line.source.hold(0)
-    await line.bench.start(reset_clocks=200, release=False)
-    assert len(line.starts) == 0
-    dut.rst.value = 0
-    await line.use(19200, "8E1")
-    await line.source.idle(40)
-    # A line that stays low is a break: one byte with a framing error.
-    assert [v[2] for v in line.out.values] == [1]
-    line.source.hold(1)
-    await line.source.idle(2)
-    await line.expect(b"\x3c", Flaws(), "after the line came back")
-
-
 def check_bit_time(monitor: UartMonitor, frame: Frame, what: str) -> None:
     fmt = monitor.fmt
     assert frame.ok, f"{what}: {frame}"
@@ -165,8 +136,6 @@ MORE_RATES = [(2_000_000, 300, 9600), (7_372_800, 38_400, 115_200)]
 PIN_TESTS = [
     "jitter_and_unequal_slopes_are_tolerated",
     "glitch_of_less_than_a_quarter_bit_anywhere_in_a_character_is_ignored",
-    "glitches_on_the_idle_line_are_ignored",
-    "line_low_from_power_up_is_a_break_and_no_character",
 ]
 
 
