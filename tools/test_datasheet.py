@@ -63,54 +63,6 @@ def test_figures_are_those_of_the_evidence(change, report, heading, row):
     assert "98.765" in datasheet.page()
 
 
-def test_the_card_of_the_figures_is_named(change):
-    card = report_page.evidence()["results"]["of"]["standard card"]
-    entry = report_page.evidence()["results"]
-    now = entry["of"] | {"standard card": "0123456789ab"}
-    change(json.dumps(entry["of"]), json.dumps(now))
-    page = datasheet.page()
-    assert card != "0123456789ab" and "<code>0123456789ab</code>" in page
-    assert re.search(r"older card:</b> [^.]*\bresults\b", page)
-
-
-@pytest.mark.parametrize(
-    ("was", "now", "line"),
-    [
-        ('"The targets"', '"Targets"', "docs/evidence.json has no results, The targets; run `make bench`"),
-        (
-            "full transactions",
-            "transactions",
-            "results: 0 rows begin with 'full transactions', one is needed",
-        ),
-        ("Fmax, MHz", "speed", "synthesis: no column begins with 'Fmax, MHz'"),
-        ('"line-quality"', '"lines"', "docs/evidence.json has no line-quality; run `make line-quality`"),
-        ('"tiny card", "pins"', '"tiny card", "air"', "conformance: no result of both cards on the pins"),
-    ],
-)
-def test_a_figure_that_is_missing_is_one_line(change, was, now, line):
-    change(was, now)
-    with pytest.raises(DatasheetError) as error:
-        datasheet.page()
-    assert str(error.value).startswith(line) and "\n" not in str(error.value)
-
-
-def test_an_electrical_value_that_the_guide_does_not_have_is_one_line(monkeypatch, tmp_path):
-    guide = tmp_path / "hardware.md"
-    guide.write_text(datasheet.HARDWARE.read_text().replace("27 mA", "31 mA"))
-    monkeypatch.setattr(datasheet, "HARDWARE", guide)
-    with pytest.raises(DatasheetError, match=r"^docs/guide/hardware\.md does not have 27 mA, .* Supply$"):
-        datasheet.page()
-
-
-def test_a_new_port_needs_words(monkeypatch, tmp_path):
-    top = tmp_path / "rtu2fc.v"
-    text = datasheet.TOP.read_text()
-    top.write_text(text.replace("input  wire       clk,", "input  wire       clk, \n input wire other,"))
-    monkeypatch.setattr(datasheet, "TOP", top)
-    with pytest.raises(DatasheetError, match="has no words for other of"):
-        datasheet.ports()
-
-
 @pytest.mark.nightly("pages")
 def test_two_pages_and_the_same_bytes_at_another_time(tmp_path):
     """pdf() refuses another number of pages."""

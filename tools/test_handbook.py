@@ -7,22 +7,15 @@ manuals and, for the examples, from real masters on a pty.
 
 from __future__ import annotations
 
-import os
-import pty
 import re
-import select
-import subprocess
-import threading
 import tomllib
-import tty
-from pathlib import Path
 
 import pytest
 
 from regs.dialects import STANDARD
 from regs.generated.card_tables import EXTENDED_RATES, RATES
 from rtl.sources import ROOT
-from sim.card.masters import Pymodbus, as_pymodbus_call
+from sim.card.masters import as_pymodbus_call
 from tb.agents import rtu
 from tb.model import fc_telegram
 from tb.model.card import DIALECTS, FUNCTIONS, CardModel
@@ -72,15 +65,6 @@ def is_on(row: Row, *switches: str) -> str:
 def test_blocks_are_current():
     for page, text in handbook.pages().items():
         assert page.read_text() == text, f"{page.name}: run `make regs`"
-
-
-def test_a_page_that_does_not_fit_is_one_line(tmp_path, monkeypatch):
-    (tmp_path / "page.md").write_text((PAGES / "examples.md").read_text().replace("<!-- end -->", "", 1))
-    monkeypatch.setattr(handbook, "GUIDES", tmp_path)
-    with pytest.raises(
-        handbook.HandbookError, match=r"^block 'examples' stands 0 times in the pages instead"
-    ):
-        handbook.pages()
 
 
 # ---------------------------------------------------------------- switches, LEDs, drive
@@ -336,55 +320,3 @@ def test_the_calls_of_pymodbus_make_the_requests():
         request = step.request
         called = eval(text, {"client": Recorder(), "bool": bool, "range": range})
         assert called == (request[0], *as_pymodbus_call(request)), text
-
-
-class Answers:
-    """A pty that takes one request and sends one reply."""
-
-    def __init__(self, reply: bytes, length: int) -> None:
-        self.inside, self.outside = pty.openpty()
-        tty.setraw(self.outside)
-        self.path = os.ttyname(self.outside)
-        self.request = b""
-        self.thread = threading.Thread(target=self._serve, args=(reply, length))
-        self.thread.start()
-
-    def _serve(self, reply: bytes, length: int) -> None:
-        while len(self.request) < length and select.select([self.inside], [], [], 5)[0]:
-            self.request += os.read(self.inside, length)
-        os.write(self.inside, reply)
-
-    def close(self) -> bytes:
-        self.thread.join()
-        os.close(self.inside)
-        os.close(self.outside)
-        return self.request
-
-
-@pytest.mark.nightly
-def test_masters_send_and_show_what_the_page_says():
-    """Real masters, without a card: pymodbus and mbpoll get the reply of the example."""
-    results = re.findall(r"^(pymodbus|mbpoll) +(.*)\n +→ (.*)$", EXAMPLE_BLOCK, re.MULTILINE)
-    for place, step in enumerate(ANSWERED):
-        request, reply = step.request, step.reply
-        (_, _, by_pymodbus), (_, command, by_mbpoll) = results[2 * place], results[2 * place + 1]
-
-        far = Answers(reply, len(request))
-        with Pymodbus(Path(far.path)) as client:
-            answer = client.ask(request).answer
-        assert far.close() == request
-        assert answer == by_pymodbus
-
-        far = Answers(reply, len(request))
-        words = [far.path if word == handbook_examples.PORT else word for word in command.split()]
-        done = subprocess.run(words, capture_output=True, text=True, timeout=30, check=False)
-        assert far.close() == request
-        output = (done.stdout + done.stderr).replace("\t", "")
-        assert all(part in output for part in by_mbpoll.split(", ")), output
-
-
-def test_owners_read_no_rule_ids_and_no_tools_of_the_workshop():
-    rules = "LINE|FRAME|FC|MAP|EXC|LED|LOOP|BOOT|WDG|SAFE|PERF|TOP"
-    others = ("handbook", "build", "bring-up", "debugging", "dialects")
-    for page in [*PAGES.glob("*.md"), *(PAGES.parent / f"{name}.md" for name in others)]:
-        assert not re.search(rf"\b(?:{rules})-\d|sigrok|shard|mutant", page.read_text()), page.name

@@ -19,7 +19,6 @@ from constraints.boards import board
 from regs.generated.card_tables import SILENCE_START, SILENCES
 from rtl.sources import ROOT, core_files
 from tb.lib.runner import firmware
-from tools import launcher
 
 TOPS = ("network_port", "drive_port", "modbus_slave", "rtu2fc")
 
@@ -93,17 +92,6 @@ def test_synth_target(top, library):
     assert {"SB_LUT4", "SB_CARRY", "SB_DFFESR"} <= used
     assert all(cell.startswith("SB_") for cell in used), sorted(used)
     assert ("SB_RAM40_4K" in used) == (top in ("rtu2fc", "modbus_slave"))
-
-
-@pytest.mark.nightly("synth")
-def test_a_wrong_script_or_a_missing_tool_is_one_line(tmp_path, monkeypatch):
-    (tmp_path / "wrong.tcl").write_text("set x [lindex]\n")
-    monkeypatch.chdir(tmp_path)
-    with pytest.raises(launcher.LauncherError, match=r"^wrong.tcl: wrong # args"):
-        launcher.launch("yosys", "-p", "tcl wrong.tcl")
-    monkeypatch.setenv("PATH", str(tmp_path))
-    with pytest.raises(launcher.LauncherError, match=r"^verilator is missing; run `make setup-synth`$"):
-        launcher.launch("verilator", "-f", "x.vc")
 
 
 # ---------------------------------------------------------------- the guide's tables

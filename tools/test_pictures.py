@@ -10,7 +10,6 @@ import pytest
 from regs.generated.card_tables import EXTENDED_RATES, FORMATS, RATES
 from rtl.sources import ROOT
 from tools import chromium, pictures
-from tools.svg import STYLE, WIDTH, Picture, PictureError
 from tools.test_diagrams import FONTS, misplaced
 
 PAGES = [ROOT / "README.md", *(ROOT / "docs").rglob("*.md")]
@@ -24,29 +23,6 @@ def test_pictures_are_current():
 def test_every_picture_is_in_a_page():
     shown = set(re.findall(r"pictures/([\w-]+)\.svg\)", "".join(page.read_text() for page in PAGES)))
     assert set(pictures.DRAWINGS) <= shown
-
-
-def test_every_colour_of_the_light_picture_has_one_for_the_dark():
-    light, dark = STYLE.split("@media")
-    coloured = {name for name, rules in re.findall(r"(\.\w+)\{([^}]*)\}", light) if "#" in rules}
-    # The lit LEDs and the words on them are the same in both.
-    assert coloured - {".red", ".green", ".orange", ".w"} <= set(re.findall(r"\.\w+", dark)) - {".w"}
-
-
-def test_a_word_without_room_is_found():
-    picture = Picture("a picture", 60)
-    picture.text(10, 20, "words")
-    with pytest.raises(PictureError, match="'more' lies on 'words'"):
-        picture.text(30, 24, "more")
-    with pytest.raises(PictureError, match="leaves the picture"):
-        picture.text(WIDTH - 20, 50, "too far")
-
-
-def test_a_table_with_other_wires_is_found(monkeypatch):
-    pins = [(pin, signal, to.replace("69", "68")) for pin, signal, to in pictures.drive_pins()]
-    monkeypatch.setattr(pictures, "drive_pins", lambda: pins)
-    with pytest.raises(PictureError, match="other terminals"):
-        pictures.wiring()
 
 
 @pytest.mark.nightly("pages")

@@ -69,31 +69,6 @@ def test_a_list_that_the_site_would_lose_is_found(tmp_path: Path, text: str, rea
     assert prose.lost_lists(page) == [f"{page}:{reason}"]
 
 
-def test_lists_that_the_site_shows_pass(tmp_path: Path):
-    page = tmp_path / "page.md"
-    page.write_text("These are:\n\n- outer, and\n  more\n    - inner\n- next\n\n```\n  - no list\n```\n")
-    assert prose.lost_lists(page) == []
-
-
-def test_a_citation_needs_its_page():
-    known = {(prose.ROOT / "docs/hardening.md").resolve()}
-    assert prose.dead_citations("a.v", "// see docs/hardening.md, Guarded bits", known) == []
-    assert prose.dead_citations("a.v", "// docs/nothing.md", known) == ["a.v: docs/nothing.md: no such file"]
-
-
-def test_too_many_words_and_pages_are_found(monkeypatch, tmp_path):
-    page = tmp_path / "docs/page.md"
-    page.parent.mkdir()
-    page.write_text(
-        "Five words, one of two-parts.\n\n```\nno word\n```\n<!-- generated: a -->\nno\n<!-- end -->\n"
-    )
-    monkeypatch.setattr(prose, "ROOT", tmp_path)
-    assert prose.written([page]) == 5 and prose.too_much([page] * 30) == []
-    monkeypatch.setattr(prose, "WORDS_AT_MOST", 4)
-    assert prose.too_much([page]) == ["5 words by hand, at most 4"]
-    assert prose.too_much([page] * 31)[1:] == ["31 pages in docs/, at most 30"]
-
-
 def test_each_page_has_a_place_on_the_site(monkeypatch, tmp_path):
     monkeypatch.setattr(prose, "ROOT", tmp_path)
     one, two = tmp_path / "one.md", tmp_path / "two.md"

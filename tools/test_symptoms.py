@@ -5,13 +5,10 @@ from __future__ import annotations
 
 import json
 import re
-import subprocess
-import sys
 from pathlib import Path
 
 import pytest
 
-from rtl.sources import ROOT
 from sim.view import tshark
 from sim.view.wireshark import SCRIPT, environment
 from tools import symptoms
@@ -152,10 +149,3 @@ def test_filters_of_the_guide_find_exactly_the_fault():
 
 
 # ---------------------------------------------------------------- the commands
-
-
-def test_wrong_name_gives_one_line_and_exit_2():
-    words = ["-m", "tools.symptoms", "no-anser"]
-    run = subprocess.run([sys.executable, *words], cwd=ROOT, capture_output=True, text=True, check=False)
-    assert run.returncode == 2
-    assert run.stdout == "" and run.stderr.count("\n") == 1 and "'no-anser'" in run.stderr

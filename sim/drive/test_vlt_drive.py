@@ -108,23 +108,6 @@ def test_the_python_model_names_the_error_of_a_telegram():
             fc.parse(bytes.fromhex(telegram))
 
 
-def test_telegrams_are_described():
-    for telegram, reply, words in (
-        (HAND_MADE[0][0], False, "start, reference 40.0 %"),
-        (HAND_MADE[0][1], True, "running, on reference, output frequency 50.0 %"),
-        ("02 06 80 04 7C 19 99 7C", False, "broadcast; start, reference 40.0 %"),
-        (HAND_MADE[3][0], False, "coast stop, relay 1, reference 0.0 %"),
-        (HAND_MADE[5][0], False, "read parameter 514"),
-        (HAND_MADE[5][1], True, "parameter 514 is 300; running, on reference, output frequency 50.0 %"),
-        (HAND_MADE[7][0], False, "write parameter 104 = 60 (EEPROM)"),
-        (HAND_MADE[8][0], False, "read text parameter 621"),
-        (HAND_MADE[9][0], False, 'write text parameter 533 = "1234567890"'),
-        ("02 06 81 00 01 00 00 84", False, "no process command"),
-        ("02 06 81 04 7C 19 99 00", False, "bad telegram: BCC 00 instead of 7D"),
-    ):
-        assert fc.describe(bytes.fromhex(telegram), reply) == words
-
-
 def test_a_telegram_for_another_drive_is_not_answered_and_does_nothing():
     drive = VltDrive()
     for adr in (0x00, 0x02, 0x1F, 0x40, 0x41, 0x60, 0x7F, 0x82, 0xC1, 0xFF):
@@ -285,22 +268,6 @@ def test_a_telegram_can_write_and_start_at_once():
     request = fc.build_parameter(fc.AK_WRITE_WORD, 104, pwe=60, pcd1=START, pcd2=FULL_SPEED)
     reply = fc.parse(drive.telegram(request), reply=True)
     assert (reply.fault, reply.pcd1) == (None, 0x0E03)
-
-
-def test_direct_access_can_set_every_parameter():
-    drive = VltDrive()
-    drive.set(514, 1234)
-    drive.set(609, 400, index=8)
-    assert ask(drive, fc.AK_READ, 514).pwe == 1234
-    assert ask(drive, fc.AK_READ, 609, ind=8).pwe == 0x0190
-    for bad in (
-        lambda: drive.set(999, 1),
-        lambda: drive.set(609, 1),
-        lambda: drive.get(621),
-        lambda: drive.get_text(1),
-    ):
-        with pytest.raises(DriveError):
-            bad()
 
 
 # ---- texts -------------------------------------------------------------------------------------
@@ -613,16 +580,8 @@ def test_a_good_table_becomes_a_c_header(tmp_path: Path):
     ("row", "message"),
     [
         ("104,x,uint16,0,24,1000,50,0,rw,0,Hz", "11 columns instead of 13"),
-        ("104,x,uint24,0,24,1000,50,0,rw,0,Hz,,memory", "type 'uint24' is not one of"),
-        ("104,x,uint8,0,24,1000,50,0,rw,0,Hz,,memory", "max 1000 is outside 24 to 255"),
-        ("104,x,uint16,0,24,1000,50.5,0,rw,0,Hz,,memory", "default '50.5' is not a whole number"),
-        ("104,x,uint16,0,24,1000,50,9,rw,0,Hz,jog_frequency,memory", "role jog_frequency cannot have an"),
-        ("104,x,text,0,0,4,HELLO,0,ro,1,,,memory", "a text is no array, has no role and 0 to 4 characters"),
         ("100,x,uint16,0,24,1000,50,0,rw,0,Hz,,memory", "pnu 100 does not follow 103"),
         ("104,x,uint16,0,24,1000,50,0,rw,0,Hz,ramp_up,memory", "role ramp_up is given twice"),
-        ("104,x,int16,-2,0,100,0,0,rw,1,%,presets,memory", "role presets needs 4 parameters in a row"),
-        ("#: colour = 3", "setting must be one of"),
-        ("#: example 103[1] = 3", "example 103[1] is no number of this table"),
     ],
 )
 def test_a_malformed_row_is_told_with_its_line(tmp_path: Path, row: str, message: str):
@@ -632,10 +591,3 @@ def test_a_malformed_row_is_told_with_its_line(tmp_path: Path, row: str, message
     assert messages.startswith(f"{tmp_path / 'toy.csv'}:4: ")
     assert message in messages
     assert not header.exists()
-
-
-def test_a_table_too_large_for_the_drive_is_refused(tmp_path: Path):
-    rows = "\n".join(f"{pnu},x,uint8,0,0,1,0,255,ro,1,,,memory" for pnu in range(1, 6))
-    code, messages, _ = make_table(tmp_path, f"{COLUMN_LINE}\n{rows}\n")
-    assert code == 1
-    assert "1275 values, vlt_drive.h has room for 1024" in messages

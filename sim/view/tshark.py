@@ -40,10 +40,5 @@ def rows(capture: Path, options: Sequence[str] = (), env: Mapping[str, str] | No
     return _run(["tshark", "-n", *options, "-r", capture, "-T", "tabs"], env).splitlines()
 
 
-def verbose(capture: Path, options: Sequence[str] = (), env: Mapping[str, str] | None = None) -> str:
-    """Every packet as a tree."""
-    return _run(["tshark", "-n", *options, "-r", capture, "-V"], env)
-
-
 def capinfos(capture: Path) -> str:
     return _run(["capinfos", "-M", capture])

@@ -200,17 +200,6 @@ def test_a_check_refuses_wrong_content():
             assert refused(check, bytes.fromhex(reply)), f"{check.__name__}: {reply}"
 
 
-def test_an_answer_with_a_wrong_crc_is_damaged():
-    test = checks(line := ModelLine("card", None))
-    exchange = line.exchange
-    line.exchange = lambda frame, wait_s: (
-        exchange(frame, wait_s)[0][:-1] + b"\0" if frame[0] == UNIT else b"",
-        T35_S,
-    )
-    with pytest.raises(NoAnswer, match="damaged answer 05 03 04 03 e8 00 0f"):
-        test.answers()
-
-
 @pytest.mark.rule("FC-9")
 @pytest.mark.parametrize(("dialect", "reply"), [("card", 255), ("builtin", None)])
 def test_a_long_time_out_of_the_drive_is_waited_for(dialect, reply):
@@ -439,28 +428,6 @@ def test_an_adapter_that_echoes_is_understood():
     code, output, _ = run(adapter.name, "--row", "coil 65")
     assert code == 1 and "unit 1 answers: no answer" in crosses(output)
     adapter.close()
-
-
-@pytest.mark.parametrize("late", [0, 20, 35])
-def test_one_late_answer_is_one_cross_at_most(capsys, late):
-    """The answer to one request comes after the next one is sent, or while the line is only heard."""
-    line = ModelLine("card", None)
-    exchange, held, asked = line.exchange, [], []
-
-    def slow(frame: bytes, wait_s: float) -> tuple[bytes, float]:
-        if not frame:
-            heard = b"".join(held)
-            held.clear()
-            return heard, 0.0
-        held.append(exchange(frame, wait_s)[0])
-        asked.append(frame)
-        if len(asked) == late + 2:  # after the search for the adapter's echo
-            return b"", 0.0
-        return held.pop(0), T35_S
-
-    line.exchange = slow
-    ask(line)
-    assert len(crosses(capsys.readouterr().out)) <= 1
 
 
 def test_a_request_comes_after_a_silence_of_t35():

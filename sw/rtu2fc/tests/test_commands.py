@@ -27,7 +27,7 @@ from sim.drive.drive_table import read_capacity, read_profile
 from sw.rtu2fc import cli, commands, port, problem, scan
 from sw.rtu2fc.card import parameter, parameters, raw_of
 from sw.rtu2fc.dialects import DIALECTS, meaning
-from sw.rtu2fc.problem import PortError, Problem
+from sw.rtu2fc.problem import Problem
 from sw.rtu2fc.setup import SHARED
 from sw.rtu2fc.switches import BAUDS, FORMS
 from tb.agents.crc16 import with_crc
@@ -303,39 +303,6 @@ def test_grade_says_that_it_may_leave_a_motor_on(tmp_path):
         assert json.loads(report.read_text())["tests"] == found["tests"], "the old file stays"
 
 
-def test_a_full_disk_is_named(card, tmp_path):
-    """No traceback, neither at the end of a command nor from the interpreter."""
-    for words in (
-        ("read", card.link, 104, "--record", "/dev/full"),
-        ("watch", card.link, 104, "--for", 0.1, "--csv", "/dev/full"),
-        ("watch", card.link, 104, "--for", 0.1, "--plot", "/dev/full"),
-    ):
-        done = run(*words)
-        assert (done.returncode, done.stderr) == (
-            2,
-            f"rtu2fc {words[0]}: /dev/full: No space left on device\n",
-        )
-    with Path("/dev/full").open("w") as full:
-        words = [sys.executable, "-m", "sw.rtu2fc", "read", str(card.link), "104", "--json"]
-        done = subprocess.run(words, cwd=ROOT, stdout=full, stderr=subprocess.PIPE, text=True, check=False)
-    assert (done.returncode, done.stderr) == (2, "rtu2fc read: the output: No space left on device\n")
-
-
-def test_ctrl_c_while_the_program_is_imported_is_one_line():
-    script = """import runpy, sys, builtins
-was = builtins.__import__
-def stops(name, *rest, **named):
-    if name.startswith("rich"):
-        raise KeyboardInterrupt
-    return was(name, *rest, **named)
-builtins.__import__ = stops
-runpy.run_module("sw.rtu2fc", run_name="__main__")"""
-    done = subprocess.run(
-        [sys.executable, "-c", script], cwd=ROOT, capture_output=True, text=True, check=False
-    )
-    assert (done.returncode, done.stderr) == (130, "rtu2fc: stopped by Ctrl-C\n")
-
-
 def test_a_reference_without_a_control_word_is_refused(tmp_path):
     with Card(tmp_path, "--quiet") as card:
         code, output = card.told("reference", 20)
@@ -497,20 +464,10 @@ def test_a_busy_port_is_one_line(card):
         (["status", "no/such/port"], 3, "there is no no/such/port\n  Ports of this computer: "),
         (["status", "/dev/null"], 3, "rtu2fc status: /dev/null is no serial port that can be opened"),
         (["check", "p", "--unit", "248"], 2, "the unit is 1 to 247, not '248'"),
-        (["check", "p", "--format", "7E1"], 2, "the format is 8E1, 8N1, 8O1, 8N2, not '7E1'"),
-        (["check", "p", "--drive", "perhaps"], 2, "the answer is yes, no, not 'perhaps'"),
-        (["check", "p", "--start", "101", "--drive", "yes"], 2, "the speed is 1 to 100, not '101'"),
-        (["start", "p", "nan"], 2, "the reference is -199 to 199 %, not 'nan'"),
-        (["watch", "p", "1", "--every", "0"], 2, "seconds are above 0, not '0'"),
         (["frobnicate"], 2, "invalid choice: 'frobnicate'"),
         (["status", "socket://127.0.0.1:1"], 3, "127.0.0.1:1 cannot be opened: [Errno "),
         (["check", "p", "--row", "no such row"], 2, "no row has 'no such row' in its title"),
-        (["watch", "p", "1", "--plot", "nowhere/x.svg"], 2, "--plot: nowhere/x.svg: No such file"),
-        (["grade", "p", "--unknown", "3"], 2, "rtu2fc grade: --unknown 3 is one of --functions"),
         (["start", "no/such/port", "-40,5"], 3, "there is no no/such/port\n"),
-        (["watch", "no/such/port", "1", "--every", "0,5"], 3, "there is no no/such/port\n"),
-        (["grade", "p", "--report", "nowhere/x.json"], 2, "--report: nowhere/x.json: No such file"),
-        (["status", "p", "--replay", "nowhere.json"], 2, "rtu2fc status: nowhere.json: No such file"),
         (["status", "p", "--replay", "VERSION"], 2, "rtu2fc status: VERSION is no record of rtu2fc"),
         (["parameters", "--drive-type", "x"], 2, f"the drive is auto, {STANDARD_DRIVE}, vlt2800"),
         (["simulate", "--program", "none"], 2, "the virtual card's program is not here: none"),
@@ -525,47 +482,6 @@ def test_a_mistake_is_one_line(words, code, says, capsys, monkeypatch):
     output, errors = capsys.readouterr()
     assert (found, output) == (code, "") and says in errors
     assert "Traceback" not in errors and errors.count("\n") <= 2
-
-
-def test_what_the_system_says_of_a_port_is_one_line(monkeypatch):
-    def refuses(number: int, text: str = ""):
-        def opens(*_: object, **__: object):
-            raise OSError(number, text)
-
-        return opens
-
-    for number, says in ((13, "no permission for port"), (22, "port refuses 9600 8N2"), (16, "in use")):
-        monkeypatch.setattr(port.serial, "serial_for_url", refuses(number))
-        with pytest.raises(PortError, match=says) as refused:
-            port.SerialPort("port")
-        assert "\n" not in str(refused.value)
-    monkeypatch.setattr(port.sys, "platform", "win32")
-    for text, says in (
-        ("could not open port 'COM3': PermissionError(13, 'Access is denied.', None, 5)", "COM3 is in use"),
-        ("could not open port 'COM3': FileNotFoundError(2, 'The system cannot ...', None, 2)", "no COM3"),
-    ):
-        monkeypatch.setattr(port.serial, "serial_for_url", refuses(0, text))
-        with pytest.raises(PortError, match=says):
-            port.SerialPort("COM3")
-
-
-def test_without_a_command_the_commands_are_listed(capsys):
-    assert cli.main([]) == 2
-    output, errors = capsys.readouterr()
-    assert output == "" and "parameters of the drive, with unit and conversion" in errors
-    assert max(map(len, errors.splitlines())) <= 80
-
-
-def test_a_reader_that_stops_is_no_error(card):
-    words = [sys.executable, "-m", "sw.rtu2fc", "parameters"]
-    command = subprocess.Popen(words, cwd=ROOT, stdout=subprocess.PIPE, stderr=subprocess.PIPE)
-    command.stdout.close()
-    assert (command.wait(30), command.stderr.read()) == (1, b"")
-
-
-def test_an_old_code_page_has_its_marks(card):
-    done = run("check", card.link, "--row", "40004", env={"PYTHONIOENCODING": "cp1252"})
-    assert "  ok unit 1 answers" in done.stdout
 
 
 def test_an_adapter_on_the_network_is_a_port():
@@ -626,37 +542,6 @@ def test_watch_writes_a_table_a_log_and_a_plot(card, tmp_path):
     assert files["--plot"].read_text().count("<polyline") == 2
 
 
-def test_a_command_that_fails_leaves_the_old_plot(card, tmp_path):
-    plot = tmp_path / "w.svg"
-    plot.write_text("old")
-    assert card.told("watch", 514, "--unit", 3, "--for", 0.1, "--plot", plot)[0] == 4
-    assert plot.read_text() == "old"
-
-
-def test_ctrl_c_is_the_usual_end_of_watch(card, tmp_path):
-    """Each row is in the log as soon as it is shown."""
-    log = tmp_path / "w.csv"
-    words = [
-        sys.executable,
-        "-m",
-        "sw.rtu2fc",
-        "watch",
-        str(card.link),
-        "514",
-        "--every",
-        "0.2",
-        "--csv",
-        log,
-    ]
-    command = subprocess.Popen(words, cwd=ROOT, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True)
-    assert "514 = " in command.stdout.readline()
-    assert log.read_text().count("\n") >= 2
-    command.send_signal(signal.SIGINT)
-    output, errors = command.communicate(timeout=30)
-    assert (command.returncode, errors) == (0, "")
-    assert "514 Readout: Motor current: 0 to 0 A" in output
-
-
 def test_scan_finds_rate_and_unit(tmp_path, monkeypatch):
     """A pty has no rate: the first setting is answered."""
     monkeypatch.setattr(scan, "LISTEN_S", 0.1)
@@ -667,22 +552,6 @@ def test_scan_finds_rate_and_unit(tmp_path, monkeypatch):
         card.stop()
         asked = {frame.data[1] for frame in card.frames() if frame.sender == "master"}
     assert asked == {3}, "it only reads"
-
-
-def test_what_a_scan_has_found_is_there_after_ctrl_c(tmp_path, monkeypatch):
-    monkeypatch.setattr(scan, "LISTEN_S", 0.1)
-    monkeypatch.setattr(scan, "ANSWER_S", 1.0)
-    asks = scan.Scan.ask
-
-    def stopped(self, *words) -> None:
-        asks(self, *words)
-        raise KeyboardInterrupt
-
-    monkeypatch.setattr(scan.Scan, "ask", stopped)
-    with Card(tmp_path, "--quiet") as card:
-        found = card.ask("scan", "--units", "1", code=130)
-    assert [one["unit"] for one in found["found"]] == [1]
-    assert found["error"]["text"] == "stopped by Ctrl-C"
 
 
 def test_frames_are_found_among_other_bytes():
