@@ -17,6 +17,8 @@ from collections.abc import Callable
 from graphlib import CycleError, TopologicalSorter
 from pathlib import Path
 
+from constraints.boards import boards
+from regs import dialects
 from rtl.command import run_main
 from rtl.sources import (
     FILE_LIST,
@@ -28,6 +30,8 @@ from rtl.sources import (
     needed_files,
     rtl_files,
 )
+from tb.model.card import DIALECTS
+from tools import trace
 
 TOP = "rtu2fc"
 EXAMPLE = [ROOT / f"docs/example/{name}.v" for name in ("holding_registers", "modbus_slave")]
@@ -71,6 +75,8 @@ SUFFIXES = {
 UNFINISHED = re.compile(r"\b(TODO|FIXME|XXX|HACK)\b")
 SKIPPED = re.compile(r"\b(skipif|xfail|mark\.skip|pytest\.skip|cocotb\.skip)\b|\bskip=True")
 SOMEWHERE = re.compile(r"(?<![\w.-])/(home|root|tmp|work)/\w")
+# The description of a command of campaigns/; the Makefile looks for the same line.
+DESCRIBED = re.compile(r'^""".*; `make [a-z-]+`\.("""|$)', re.MULTILINE)
 OUR_OWN = Path(__file__).name
 
 
@@ -177,6 +183,58 @@ def finished() -> list[str]:
     return wrong
 
 
+def half_campaigns(folder: Path = ROOT / "campaigns") -> list[str]:
+    """Campaigns without a program, its description, or a test."""
+    wrong = []
+    for campaign in sorted({path.parent for path in folder.glob("*/*") if path.parent.name != "__pycache__"}):
+        program, shown = campaign / "run.py", f"campaigns/{campaign.name}"
+        if not program.exists():
+            wrong.append(f"{shown}: no run.py")
+        elif not DESCRIBED.search(program.read_text()):
+            wrong.append(
+                f'{shown}/run.py: the first line of its description does not end with "; `make NAME`."'
+            )
+        if not any(campaign.glob("test_*.py")):
+            wrong.append(f"{shown}: no test_*.py")
+    return wrong
+
+
+def half_rules(rules: set[str], tests: dict[str, str]) -> list[str]:
+    """Rules that no test file names, and marks without a rule; `make trace` knows computed marks, too."""
+    named = set(re.findall(r"(?<=[\"' ])[A-Z0-9-]+(?=[\"',])", "".join(tests.values())))
+    wrong = [f"rule {rule}: no test is marked with it" for rule in sorted(rules - named)]
+    for file, text in tests.items():
+        marked = re.findall(r'"([^"]+)"', "".join(re.findall(r"mark\.rule\(([^()]*)\)", text)))
+        wrong += [f"{file}: there is no rule {rule}" for rule in marked if rule not in rules]
+    return wrong
+
+
+def half_made() -> list[str]:
+    """Campaigns, rules, dialects, options and boards of which a part is missing."""
+    rules = {rule for rule, by in trace.read_rules().items() if by == "test"}
+    source = "".join(
+        path.read_text() for part in ("src", "include") for path in (ROOT / "sw" / part).iterdir()
+    )
+    used = set(
+        re.findall(r"\w+", re.sub("by make regs: options.*?end of options", "", source, flags=re.DOTALL))
+    )
+    wrong = half_campaigns()
+    wrong += half_rules(
+        rules, {name(path): path.read_text() for path in source_files() if path.name[:5] == "test_"}
+    )
+    wrong += [f"option {o}: no C file uses it" for o in dialects.OPTIONS if o not in used]
+    for d in dialects.DIALECTS.keys() | DIALECTS.keys():
+        rule = f"DIALECT-{d.upper().replace('_', '-')}"
+        parts = {
+            dialects.TABLE: dialects.DIALECTS,
+            "tb/model/card.py": DIALECTS,
+            f"requirements.md ({rule})": {d} if rule in rules else (),
+        }
+        wrong += [f"dialect {d}: no row in {part}" for part, rows in parts.items() if d not in rows]
+    files = {board.name: board.pin_file for board in boards().values()}
+    return wrong + [f"board {b}: no {name(file)}" for b, file in files.items() if not file.exists()]
+
+
 def registers() -> list[str]:
     checks = [tool(sys.executable, "-m", name, "--check") for name in GENERATORS]
     return [line for check in checks for line in check]
@@ -228,6 +286,7 @@ def firmware() -> list[str]:
 
 CHECKS: list[tuple[str, Callable[[], list[str]]]] = [
     ("rtl/rtl.f complete", file_list),
+    ("nothing half made", half_made),
     ("generated files current", registers),
     ("verilator -Wall", verilator),
     ("iverilog -g2005 -Wall", icarus),

@@ -16,7 +16,7 @@ import pytest
 from rtl.sources import configurations, macros_file
 from tb.lib.runner import ROOT
 from tb.lib.seeds import seeded
-from tools.lint import circle
+from tools.lint import circle, half_campaigns, half_rules
 
 TOP = "rtu2fc"
 TIMEOUT_S = 300  # for one command
@@ -285,6 +285,27 @@ def test_commands_in_files_for_others_exist():
 def test_a_circle_of_imports_is_named():
     assert circle({"a": {"b", "c"}, "b": {"c"}, "c": set()}) == []
     assert circle({"a": {"b"}, "b": {"c"}, "c": {"b"}}) == ["imports in a circle: b <- c <- b"]
+
+
+def test_what_a_campaign_lacks_is_named(tmp_path):
+    for name in ("one/run.py", "two/run.py", "two/test_two.py", "three/work.py", "three/test_three.py"):
+        (tmp_path / name).parent.mkdir(exist_ok=True)
+        (tmp_path / name).write_text('# A line.\n"""Counts something."""\n')
+    (tmp_path / "one/run.py").write_text('# A line.\n"""Counts something (1 s); `make one`.\n\nMore.\n"""\n')
+    assert half_campaigns(tmp_path) == [
+        "campaigns/one: no test_*.py",
+        "campaigns/three: no run.py",
+        'campaigns/two/run.py: the first line of its description does not end with "; `make NAME`."',
+    ]
+
+
+def test_a_rule_without_a_test_and_a_mark_without_a_rule_are_named():
+    text = "@pytest.mark." + 'rule("LINE-4", "FC-1")\n'  # in two parts, for this file is checked as well
+    assert half_rules({"LINE-4", "FC-1"}, {"a": text}) == []
+    assert half_rules({"LINE-4", "SAFE-1"}, {"a": text}) == [
+        "rule SAFE-1: no test is marked with it",
+        "a: there is no rule FC-1",
+    ]
 
 
 @pytest.mark.nightly

@@ -79,10 +79,6 @@ def tried_as_text(card: Translator, pdu: str, number: str) -> Transaction:
     return txn.drive_commit().drive_again()
 
 
-def test_the_model_and_the_table_know_the_same_dialects():
-    assert set(MODEL_DIALECTS) == set(DIALECTS)
-
-
 # ---------------------------------------------------------------- the documents' examples
 
 
