@@ -199,10 +199,14 @@ def half_campaigns(folder: Path = ROOT / "campaigns") -> list[str]:
     return wrong
 
 
-def half_rules(rules: set[str], tests: dict[str, str]) -> list[str]:
+def half_rules(rules: dict[str, str], tests: dict[str, str]) -> list[str]:
     """Rules that no test file names, and marks without a rule; `make trace` knows computed marks, too."""
     named = set(re.findall(r"(?<=[\"' ])[A-Z0-9-]+(?=[\"',])", "".join(tests.values())))
-    wrong = [f"rule {rule}: no test is marked with it" for rule in sorted(rules - named)]
+    wrong = [
+        f"rule {rule}: no test is marked with it"
+        for rule, by in rules.items()
+        if by == "test" and rule not in named
+    ]
     for file, text in tests.items():
         marked = re.findall(r'"([^"]+)"', "".join(re.findall(r"mark\.rule\(([^()]*)\)", text)))
         wrong += [f"{file}: there is no rule {rule}" for rule in marked if rule not in rules]
@@ -211,19 +215,15 @@ def half_rules(rules: set[str], tests: dict[str, str]) -> list[str]:
 
 def half_made() -> list[str]:
     """Campaigns, rules, dialects, options and boards of which a part is missing."""
-    rules = {rule for rule, by in trace.read_rules().items() if by == "test"}
-    source = "".join(
-        path.read_text() for part in ("src", "include") for path in (ROOT / "sw" / part).iterdir()
-    )
+    rules = trace.read_rules()
+    tests = {name(path): path.read_text() for path in source_files() if path.name.startswith("test_")}
+    wrong = half_campaigns() + half_rules(rules, tests)
+    source = "".join(path.read_text() for path in (ROOT / "sw").glob("[is]*/*.[ch]"))
     used = set(
         re.findall(r"\w+", re.sub("by make regs: options.*?end of options", "", source, flags=re.DOTALL))
     )
-    wrong = half_campaigns()
-    wrong += half_rules(
-        rules, {name(path): path.read_text() for path in source_files() if path.name[:5] == "test_"}
-    )
     wrong += [f"option {o}: no C file uses it" for o in dialects.OPTIONS if o not in used]
-    for d in dialects.DIALECTS.keys() | DIALECTS.keys():
+    for d in sorted(dialects.DIALECTS.keys() | DIALECTS.keys()):
         rule = f"DIALECT-{d.upper().replace('_', '-')}"
         parts = {
             dialects.TABLE: dialects.DIALECTS,

@@ -4,6 +4,14 @@
     python -m tools.release [--tag v1.2.3] [--draft] [--board NAME ...]   default: every board
     python -m tools.release --check [the same options]     builds it again elsewhere and compares
 
+1. Change VERSION and run `make regs`, before the measurements: images with function 11 contain the number.
+2. `make figures` names each report of an older card, and what renews it. These commands take hours.
+3. In CHANGELOG.md give the version's section its date. Nothing stays below [Unreleased].
+4. Commit; `make lint` and `make nightly` must pass on that commit.
+5. `make release`, then `make release CHECK=1`. Read data sheet, report and site of build/dist.
+6. `git tag -a v1.2.3 -m "rtu2fc 1.2.3"`, and push it: .github/workflows/release.yml repeats 4 and 5. Publish
+   the files if its SHA256SUMS is yours. Equal bytes need equal tools, which the list of contents names.
+
 Bitstreams of every board, of both kinds, with every firmware image that fits it, the images, the Python
 packages, data sheet, site of the documentation, a list of contents and SHA256SUMS. Finished designs
 are taken as they are (build/synth); a missing or older one is placed and routed first.

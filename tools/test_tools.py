@@ -301,8 +301,8 @@ def test_what_a_campaign_lacks_is_named(tmp_path):
 
 def test_a_rule_without_a_test_and_a_mark_without_a_rule_are_named():
     text = "@pytest.mark." + 'rule("LINE-4", "FC-1")\n'  # in two parts, for this file is checked as well
-    assert half_rules({"LINE-4", "FC-1"}, {"a": text}) == []
-    assert half_rules({"LINE-4", "SAFE-1"}, {"a": text}) == [
+    assert half_rules({"LINE-4": "test", "FC-1": "test"}, {"a": text}) == []
+    assert half_rules({"LINE-4": "open", "SAFE-1": "test"}, {"a": text}) == [
         "rule SAFE-1: no test is marked with it",
         "a: there is no rule FC-1",
     ]
