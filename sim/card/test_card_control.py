@@ -3,14 +3,7 @@
 
 from __future__ import annotations
 
-import fcntl
-import re
-import signal
 import subprocess
-import sys
-import termios
-import time
-from pathlib import Path
 
 import pytest
 
@@ -157,46 +150,3 @@ def test_without_control_the_input_is_ignored(tmp_path):
     )
     assert run.returncode == 0
     assert "ok" not in run.stdout.split("\n")
-
-
-def memory_kb(process: subprocess.Popen) -> int:
-    return int(re.search(r"VmRSS:\s+(\d+)", Path(f"/proc/{process.pid}/status").read_text())[1])
-
-
-@pytest.mark.parametrize("without_end", ["yes state", "cat /dev/zero"])
-def test_commands_without_end_wait_in_their_pipe(tmp_path, without_end):
-    """Whole lines as fast as they are taken, and a line that never ends: the card holds one of them."""
-    with subprocess.Popen(without_end.split(), stdout=subprocess.PIPE) as writer:
-        words = [CARD, "--quiet", "--control", "--modbus", tmp_path / "modbus"]
-        card = subprocess.Popen(words, stdin=writer.stdout, stdout=subprocess.DEVNULL)
-        try:
-            most, until = 0, time.monotonic() + 2
-            while time.monotonic() < until and most < 40_000:
-                most = max(most, memory_kb(card))
-                time.sleep(0.02)
-            assert most < 40_000 and card.poll() is None
-            card.send_signal(signal.SIGTERM)
-            assert card.wait(30) == 0
-        finally:
-            card.kill()
-            card.wait()
-            writer.kill()
-
-
-@pytest.mark.nightly
-def test_answers_that_nobody_reads_do_not_hold_up_the_end(tmp_path):
-    words = [CARD, "--quiet", "--control", "--modbus", tmp_path / "modbus"]
-    card = subprocess.Popen(words, stdin=subprocess.PIPE, stdout=subprocess.PIPE)
-    try:
-        card.stdin.write(b"help\n" * 1000)  # 165 kB of answers: more than a pipe holds
-        card.stdin.flush()
-        waiting = bytearray(4)
-        while int.from_bytes(waiting, sys.byteorder) < 50_000:
-            assert card.poll() is None
-            time.sleep(0.05)
-            fcntl.ioctl(card.stdout, termios.FIONREAD, waiting)
-        card.send_signal(signal.SIGTERM)
-        card.wait(30)
-    finally:
-        card.kill()
-        card.wait()

@@ -3,9 +3,7 @@
 
 from __future__ import annotations
 
-import os
 import shutil
-import time
 from pathlib import Path
 
 import pytest
@@ -56,23 +54,6 @@ def test_each_setting_has_a_library_of_its_own(made: list[Path]) -> None:
         library.build(1_000_000, extra="waves"),
     }
     assert len(found) == len(made) == 5
-
-
-def test_the_cache_forgets_what_was_not_used_for_longest(tmp_path: Path, monkeypatch) -> None:
-    monkeypatch.setattr(cache, "folder", lambda: tmp_path)
-    monkeypatch.setattr(cache, "ROOT", tmp_path / "checkout")
-    monkeypatch.setattr(cache, "KEPT_BYTES", 3 * 10_000)
-
-    def made(name: str) -> Path:
-        return cache.made("kind", name, lambda folder: [Path(shutil.copy(tmp_path / "file", folder))])
-
-    (tmp_path / "file").write_bytes(bytes(5000))
-    for age, name in enumerate(("newest", "newer", "old", "older", "oldest")):
-        os.utime(made(name), (time.time() - 10_000 * age,) * 2)
-    made("old")
-    os.utime(made("young"), (time.time() - 10,) * 2)
-    kept = {path.name for path in (tmp_path / "kind").iterdir() if path.is_dir()}
-    assert kept == {"young", "newest", "old"}
 
 
 @pytest.mark.parametrize(

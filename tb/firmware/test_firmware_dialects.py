@@ -60,7 +60,6 @@ def spoken_in(*dialects: str) -> pytest.MarkDecorator:
 LATER = having(text_by_size=True)
 in_all = spoken_in(*DIALECTS)
 in_later = spoken_in(*LATER)
-in_builtin = spoken_in("builtin")
 in_standard = spoken_in(STANDARD)
 
 
@@ -80,46 +79,6 @@ def tried_as_text(card: Translator, pdu: str, number: str) -> Transaction:
 
 
 # ---------------------------------------------------------------- the documents' examples
-
-
-@in_builtin
-@pytest.mark.rule("MAP-1")
-def test_s2_reads_the_status_word_as_the_first_request(card: Translator):
-    assert same(sent_for(card, "01 0020 0010"), "81 0000 0000")
-    assert answered(card, "01 0020 0010", "AA55 2000") == H("01 02 55 AA")
-
-
-@in_builtin
-def test_s2_forces_a_single_coil_and_gets_its_echo(card: Translator):
-    assert same(sent_for(card, "05 0000 FF00"), "81 0001 0000")
-    assert answered(card, "05 0000 FF00", RUNNING) == H("05 0000 FF00")
-
-
-@in_builtin
-def test_s2_writes_parameter_105_by_10(card: Translator):
-    pdu = "10 0419 0002 04 0000 02E2"
-    assert same(sent_for(card, pdu), "81 3069 0000 0000 02E2 0000 0000")
-    assert answered(card, pdu, f"2069 0000 0000 02E2 {RUNNING}") == H("10 0419 0002")
-
-
-@in_builtin
-def test_s2_reads_an_array_by_the_index_in_register_9(card: Translator):
-    assert same(reply_to(card, "06 0008 0008"), "06 0008 0008")
-    assert same(sent_for(card, "03 17C9 0001"), "81 1261 0008 0000 0000 0000 0000")
-    assert answered(card, "03 17C9 0001", f"1261 0008 0000 0019 {RUNNING}") == H("03 02 0019")
-
-
-@in_standard
-def test_s3_reads_the_status_word_0607_as_the_first_request(card: Translator):
-    assert same(sent_for(card, "01 0020 0010"), "81 0000 0000")
-    assert answered(card, "01 0020 0010", "0607 2000") == H("01 02 07 06")
-
-
-@in_standard
-def test_s3_forces_coil_65(card: Translator):
-    assert same(sent_for(card, "06 040F 003C"), "81 2068 0000 0000 003C 0000 0000")
-    assert same(reply_to(card, "05 0040 FF00"), "05 0040 FF00")
-    assert same(sent_for(card, "06 040F 003C"), "81 E068 0000 0000 003C 0000 0000")
 
 
 @in_later
