@@ -11,7 +11,6 @@ import pytest
 
 from formal import pins as formal_pins
 from formal import prove as formal
-from rtl import cache
 from rtl.sources import ROOT
 from tb.lib.nightly import first
 from tb.lib.planted import bugs
@@ -132,43 +131,6 @@ def test_an_assumption_that_is_too_strong_is_found(module, proof, more, errors, 
     assert errors in found and bool(errors) == bool(found)
 
 
-@pytest.mark.parametrize("errors", ["", "the assumptions never allow rx = 1"])
-def test_a_proof_holds_only_with_its_twin(errors, monkeypatch) -> None:
-    monkeypatch.setattr(formal, "sby", lambda *about: (True, ""))
-    monkeypatch.setattr(formal, "check_pins", lambda task: errors)
-    proof, *_, cover = formal.tasks_of("commit_gate")
-    formal.run(proof)
-    assert proof.passed == (not errors) and proof.errors == errors
-    assert formal.run(cover).passed, "a cover needs no twin: it assumes the same as its proof"
-
-
-def test_what_held_is_not_proved_again_and_what_failed_is(monkeypatch, tmp_path) -> None:
-    tried = []
-
-    def run_of(task: formal.Task) -> formal.Task:
-        task.passed = len(tried) > 0
-        tried.append(task.name)
-        return task
-
-    monkeypatch.setattr(cache, "folder", lambda: tmp_path)
-    monkeypatch.setattr(formal, "run", run_of)
-    proof, *_, cover = formal.tasks_of("commit_gate")
-    assert [formal.run_once(proof).passed for _ in range(3)] == [False, True, True]
-    formal.run_once(cover)
-    assert tried == [proof.name, proof.name, cover.name]
-
-
-def test_pin_values_that_a_proof_excludes_are_listed_and_correct(monkeypatch, tmp_path) -> None:
-    assert not pins_of("silence_timer", "prove_drive", "", monkeypatch)
-    monkeypatch.setattr(formal_pins, "UNSEEN", tmp_path / "unseen.toml")
-    formal_pins.UNSEEN.write_text('[silence_timer]\nprove_drive = ["two_stop = 1", "busy = 1"]\n')
-    found = pins_of("silence_timer", "prove_drive", "", monkeypatch)
-    assert found.splitlines() == [
-        "the assumptions never allow half_uneven = 1",
-        "unseen.toml: the pin does reach busy = 1",
-    ]
-
-
 def test_every_pin_is_checked() -> None:
     for path in sorted((ROOT / "rtl").rglob("*.v")):
         text = path.read_text()
@@ -176,12 +138,6 @@ def test_every_pin_is_checked() -> None:
         ports = re.findall(r"^\s*(?:input|output)\b", header, re.M)
         clocked = bool(re.search(r"\binput\s+wire\s+clk\b", header))
         assert len(formal_pins.values(text)) >= 2 * (len(ports) - clocked), path.name
-
-
-def test_an_unsupported_condition_is_rejected() -> None:
-    for text in ("`ifndef X\n`endif", "`endif", "`else"):
-        with pytest.raises(SystemExit, match="in a property file"):
-            formal.active(text, set())
 
 
 @pytest.mark.parametrize("sound", [True, False])
@@ -196,25 +152,3 @@ def test_one_failure_fails_the_run_and_keeps_the_page(monkeypatch, written, soun
     monkeypatch.setattr(formal, "join", lambda module: None)
     assert formal.main(["--write"]) == (0 if sound else 1)
     assert ("`uart` | cover_receive" in page.read_text()) == sound
-
-
-def test_an_unknown_module_is_rejected(capsys) -> None:
-    assert formal.main(["commit_gates"]) == 2
-    said = capsys.readouterr().err
-    assert said.count("\n") == 1 and "commit_gate," in said
-
-
-def test_promises_about_flips_are_left_out():
-    text = "`ifdef X\na\n`ifdef FLIPPED\nb\n`endif\n`endif\n`ifdef FLIPPED\nc\n`else\nd\n`endif\ne"
-    assert formal.not_flipped(text).split() == ["`ifdef", "X", "a", "`endif", "d", "e"]
-
-
-def test_the_fingerprint_of_a_proof_follows_the_verilog_and_the_promises(monkeypatch, tmp_path):
-    """Not comments, nor promises about flips."""
-    before = formal.fingerprint("fc_tx")
-    text = (ROOT / "rtl/fc_tx.v").read_text()
-    monkeypatch.setattr(formal, "source", lambda module: tmp_path / f"{module}.v")
-    for changed, same in ((text + "// a comment\n", True), (text.replace("& ~VALID", "", 1), False)):
-        (tmp_path / "fc_tx.v").write_text(changed)
-        assert (formal.fingerprint("fc_tx") == before) == same
-    assert "& ~VALID" in text

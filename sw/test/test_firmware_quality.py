@@ -17,7 +17,6 @@ from pathlib import Path
 import pytest
 
 from sw.test import analysis as firmware_analysis
-from sw.test import coverage as firmware_coverage
 from sw.test import fuzz as firmware_fuzz
 from sw.test import mutate as firmware_mutate
 from sw.test.host import DIALECTS, ROOT
@@ -88,24 +87,6 @@ def test_the_deepest_stack_of_every_image_fits_the_reserved_memory():
         assert 0 < size <= reserved(), image
 
 
-def test_a_branch_that_no_test_takes_fails_and_a_good_run_writes_its_table(monkeypatch, written, capsys):
-    monkeypatch.setattr(firmware_coverage, "measure", lambda: None)
-
-    def main(file: str, taken: int, *options: str) -> int:
-        def counted(folder):
-            numbers = {"coils.c": (10, 10), "leds.c": (10, 10)} | {file: (taken, 10)}
-            return numbers, dict.fromkeys(numbers, (5, 5)), {file: [7] if taken < 10 else []}
-
-        monkeypatch.setattr(firmware_coverage, "counted", counted)
-        return firmware_coverage.main(list(options))
-
-    assert main("coils.c", 9) == 1
-    assert "hole  coils.c: line 7" in capsys.readouterr().out
-    assert not (written / "firmware-branches.md").exists()
-    assert main("leds.c", 10, "--write") == 0
-    assert (written / "firmware-branches.md").read_text().count("10 of 10") == 2 * (len(DIALECTS) + 1)
-
-
 MISTAKES = {
     "gcc_analyzer": "int *p = 0; return *p;",
     "cppcheck": "int a[2] = {1, 2}; return a[2];",
@@ -123,12 +104,6 @@ def test_a_planted_mistake_is_reported(analyser: str, tmp_path: Path):
 
 
 # ---------------------------------------------------------------- mutation
-
-
-def test_every_file_of_the_core_has_enough_mutants():
-    mutants = firmware_mutate.all_mutants()
-    for name in firmware_mutate.FILES:
-        assert sum(mutant.file == name for mutant in mutants) >= firmware_mutate.LEAST_PER_FILE
 
 
 @pytest.mark.parametrize(("fate", "code"), [("test some", 0), (firmware_mutate.EXCUSED, 0), ("survives", 1)])

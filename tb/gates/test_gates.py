@@ -67,32 +67,6 @@ def test_firmware_memory_in_block_rams(family, tmp_path):
     )
 
 
-@pytest.mark.nightly
-@first_family
-def test_a_wrong_look_up_table_is_found(family, tmp_path):
-    """Inverts the first look-up table of the netlist."""
-    cells, gates = netlist(family, "commit_gate", "standard", {})
-    upside_down = {": 0;": ": 1;", ": 1;": ": 0;"}
-    wrong = re.sub(
-        r"^table .*",
-        lambda row: re.sub(r": [01];", lambda m: upside_down[m[0]], row[0]),
-        gates.read_text(),
-        count=1,
-        flags=re.MULTILINE,
-    )
-    broken = tmp_path / gates.name
-    broken.write_text(wrong)
-    assert wrong != gates.read_text()
-    with pytest.raises(pytest.fail.Exception, match=r"of \d+ cocotb tests failed"):
-        run(
-            "commit_gate",
-            "tb.rtl.test_commit_gate",
-            sim="icarus",
-            sources=[cells, broken],
-            testcase=BY_PORTS,
-        )
-
-
 # ---------------------------------------------------------------- the readers of finished images
 
 SLICE = """.tile R3C5:PLC
@@ -249,12 +223,3 @@ endmodule
 @each_family
 def test_fast_cells_are_equivalent_to_those_of_the_package(family, tmp_path):
     assert differences(family, tmp_path) == 0
-
-
-@pytest.mark.parametrize(
-    ("old", "new"),
-    [("if (r) begin", "if (!r) begin"), ("= 1'b1;", "= 1'b0;"), ("q1 <= d1;", "q1 <= d0;"), (": 1;", ": 0;")],
-)
-@each_family
-def test_a_wrong_fast_cell_is_found(family, old, new, tmp_path):
-    assert differences(family, tmp_path, lambda text: text.replace(old, new)) > 0
