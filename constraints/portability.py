@@ -86,12 +86,12 @@ def flip_flops(found: dict[str, int]) -> int:
 def flip_flops_by_kind(flow: str, top: str, opened: bool = False) -> dict[bool, int]:
     """Flip-flops of a module after a stock flow: those of guarded bits, and all others.
 
-    `top`: module, parameter, value. `opened`: the flow may look into the halves of guarded bits.
+    `top`: module, and a parameter with its value. `opened`: the flow may look into guarded bits.
     """
-    module, parameter, value = top.split()
+    module, *setting = top.split()
     name = re.sub(r"\W+", "_", f"{flow}_{module}")
     script = f"""read_verilog -defer {" ".join(sandboxed(path) for path in needed_files(module))}
-chparam -set {parameter} {value} {module}
+{f"chparam -set {' '.join(setting)} {module}" if setting else ""}
 hierarchy -check -top {module}
 {OPEN_HALVES if opened else ""}
 {flow} -top {module}

@@ -513,7 +513,7 @@ FAULTS = [
     ("icebreaker", ".pcf", "clk 12\n", "clk 16\n", "the pin file asks for a clock of [16000000] Hz"),
     ("icebreaker", ".v", ".drive_de(drive_de)", ".drive_de()", "the card's port drive_de is not connected"),
     ("icebreaker", ".v", "12_000_000", "12_500_000", "the wrapper's CLK_HZ is not the 12000000"),
-    ("icebreaker", ".v", "      .STRICT_T15(1),\n", "", "the wrapper leaves the card's STRICT_T15 open"),
+    ("icebreaker", ".v", "      .LOCKSTEP(1),\n", "", "the wrapper leaves the card's LOCKSTEP open"),
     ("card-gw1n-9", ".v", "BYTES(16384)", "BYTES(8192)", "the wrapper's MEMORY_BYTES is 8192 and not 16384"),
     ("card-xo2-1200", ".v", "SOFT_CORE(1)", "SOFT_CORE(0)", "the wrapper's SOFT_CORE is 0 and not 1"),
     ("icebreaker", ".v", "HES(EXTENDED_SWITCHES)", "HES(0)", "EXTENDED_SWITCHES is 0 and not EXTENDED"),

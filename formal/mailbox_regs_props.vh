@@ -26,6 +26,7 @@ reg [31:0] g_seen = 32'd0;  // the status side then; byte 0 as address 0 shows i
 reg [4:0] g_reply_length = 5'd0;  // by the last write that gave one
 reg [5:0] g_telegram = 6'd0;
 reg [3:0] g_lamps = 4'd0;
+reg [1:0] g_options = 2'd0;
 reg g_telegram_kept = 1'b0;
 reg [5:0] g_telegram_was = 6'd0;
 
@@ -47,6 +48,7 @@ always @(posedge clk) begin
   if (g_order && wdata[7:6] != 2'd1) g_telegram <= wdata[5:0];
   if (g_write && g_address == 5'h10) g_lamps <= wdata[3:0];
   if (rst) g_lamps <= 4'd0;
+  if (g_write && g_address == 5'h18 && wdata[7:0] == 8'hA5) g_options <= wdata[9:8];
   g_telegram_kept <= drive_sending || !g_write;
   g_telegram_was <= {telegram_no_reply, telegram_length};
 end
@@ -80,6 +82,7 @@ always @(posedge clk) begin
     a_telegram_length : assert ({telegram_no_reply, telegram_length} == g_telegram);
     a_while_sending : assert (!g_telegram_kept || {telegram_no_reply, telegram_length} == g_telegram_was);
     a_lamps : assert ({lit_drive_green, lit_drive_red, lit_modbus_green, lit_modbus_red} == g_lamps);
+    a_options : assert ({break_tolerant, strict_t15} == g_options);
     // The fields of an order, in the clock of its write.
     a_order_fields : assert (!g_write || ({order_no_reply, order_stop, order_early, order_ticket} ==
         {wdata[5], wdata[12], wdata[13], wdata[11:8]}));

@@ -9,7 +9,7 @@
 // Silent: the pin is high and no character is being received, counted in ticks since the end of the last character of
 // either side. A low that is too short for a start bit stops the count and does not restart it.
 //
-// BREAKS, with BREAK_TOLERANT = 1: a break is a character of zeros without a stop bit, low from its start bit's vote to that
+// BREAKS, with break_tolerant = 1: a break is a character of zeros without a stop bit, low from its start bit's vote to that
 // of its stop bit. Only breaks may stand between it and a good frame or a reply (FRAME-3). The low that it leaves is silent,
 // too. No commit comes after any other character, nor while a low may be one.
 //
@@ -48,12 +48,13 @@ initial assume (rst);
 (* hierconn *) wire \rtu_rx_i.bank_i.held ;
 (* hierconn *) wire \rtu_rx_i.bank_i.opposite ;
 (* hierconn *) wire \silence_i.long_over ;
+(* hierconn *) wire \breaks_i.held ;
+(* hierconn *) wire \breaks_i.after_frame ;
+(* hierconn *) wire \breaks_i.break_i.held ;
+(* hierconn *) wire \breaks_i.break_i.opposite ;
 `ifdef BREAKS
+always @* assume (break_tolerant);
 (* hierconn *) wire \rtu_rx_i.may_break ;
-(* hierconn *) wire \g_breaks.breaks_i.held ;
-(* hierconn *) wire \g_breaks.breaks_i.after_frame ;
-(* hierconn *) wire \g_breaks.breaks_i.break_i.held ;
-(* hierconn *) wire \g_breaks.breaks_i.break_i.opposite ;
 (* hierconn *) wire [7:0] \uart_i.shift ;
 (* hierconn *) wire \uart_i.parity ;
 (* hierconn *) wire \uart_i.parity_wrong ;
@@ -120,6 +121,7 @@ always @(posedge clk) begin
     assume ($stable(half_uneven));
     assume ($stable(two_stop));
     assume ($stable(parity_enable));
+    assume ($stable(strict_t15) || \rtu_rx_i.state == 4'b0000);
   end
 end
 
@@ -275,7 +277,7 @@ always @(posedge clk) begin
     i_short : assert (!short_reached || (g_halves == 3'd3 && !long_silent));
     i_commit : assert (!(g_calm && commit) || long_silent);
     i_hold : assert (!(g_calm && g_rtu_hold) || !long_silent || long_reached);
-    i_early : assert (!((g_rtu_receive && STRICT_T15) || g_rtu_early) || (g_halves < 3'd3 && !long_silent) || short_reached);
+    i_early : assert (!((g_rtu_receive && strict_t15) || g_rtu_early) || (g_halves < 3'd3 && !long_silent) || short_reached);
     i_awaits : assert (!(g_awaits || candidate) || de || commit || revoke || start_seen || ((g_rtu_hold || g_rtu_early) &&
         (\rtu_rx_i.unit == 3'b011 || \rtu_rx_i.unit == 3'b101) && \rtu_rx_i.begun_bank != frame_bank));
   end
@@ -306,9 +308,9 @@ always @(posedge clk) begin
     // SAFE-3: a line that falls while all is dropped, and stays low, is silent within a character.
     a_break_comes : assert (!g_undecided || {8'd0, g_low} <= g_character);
     i_break_place : assert (!g_undecided || rx_valid || g_low == g_received);
-    i_break_held : assert (\g_breaks.breaks_i.held == g_undecided);
-    i_break_after : assert (\g_breaks.breaks_i.after_frame == g_follows);
-    i_break_low : assert (\g_breaks.breaks_i.break_i.held == g_in_break && \g_breaks.breaks_i.break_i.opposite == !g_in_break);
+    i_break_held : assert (\breaks_i.held == g_undecided);
+    i_break_after : assert (\breaks_i.after_frame == g_follows);
+    i_break_low : assert (\breaks_i.break_i.held == g_in_break && \breaks_i.break_i.opposite == !g_in_break);
     i_break_uart : assert (!g_in_break || (g_uart == 5'b10000 && !g_driving));
     i_voted : assert (!g_undecided || ((g_voted || rx_valid) && !g_driving));
     i_begins_low : assert (!uart_start || (!g_undecided && g_first_bit && g_phase == 4'd8 && !rx_valid && (g_driving || g_votes != 2'b11)));
@@ -329,6 +331,12 @@ always @(posedge clk) begin
     i_since : assert (!(g_rtu_hold || g_rtu_early) || !g_rtu_ours || \rtu_rx_i.begun_bank == frame_bank || g_since || candidate);
   end
 end
+`else
+always @* assume (!break_tolerant);
+always @(posedge clk)
+  if (g_past) begin
+    i_no_break : assert (!\breaks_i.held && !\breaks_i.after_frame && !\breaks_i.break_i.held && \breaks_i.break_i.opposite );
+  end
 `endif
 
 // ---- helpers for induction

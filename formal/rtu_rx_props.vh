@@ -12,7 +12,9 @@
 // are reached at once; the memory takes a character before the next event on the line (bus_arbiter: it never
 // waits). The CRC changes only while a character is on the line. Address switches do not move.
 //
-// BREAKS: start_seen may come later than line_start or not at all, as break_filter delays it and takes breaks out. The
+// The options of the network line may change while all characters are ignored, as they do once after a reset.
+//
+// BREAKS, with break_tolerant = 1: start_seen may come later than line_start or not at all, as break_filter delays it and takes breaks out. The
 // zeros of a break leave the CRC's verdict as it is: the division of a remainder is reversible.
 
 reg g_past = 1'b0;
@@ -44,9 +46,10 @@ always @* begin
   assume (!(line_start && !start_seen) || g_may_hold);
   assume (!(g_withheld && (g_limit || byte_valid)));
   assume (!(line_start && (g_limit || g_reached || g_pending)));
+  assume (break_tolerant);
 end
 `else
-always @* assume (line_start == start_seen);
+always @* assume (line_start == start_seen && !break_tolerant);
 `endif
 reg g_cleared = 1'b0;  // in the clock before the CRC began anew
 always @(posedge clk) g_cleared <= crc_clear;
@@ -60,6 +63,7 @@ always @* begin
 end
 always @(posedge clk) begin
   if (g_past) assume ($stable(own_address));
+  if (g_past && !(g_lost && $past(g_lost))) assume ($stable(strict_t15));
   if (g_past && !g_character && !g_cleared) assume ($stable(crc_good));
 end
 
@@ -68,7 +72,7 @@ reg g_lost = 1'b1;  // characters are ignored until the next t3.5
 reg [8:0] g_count = 9'd0;  // characters of the frame; 257: more than 256; 0: no frame
 reg g_good = 1'b0;  // the frame was good at t1.5, and no character came since
 reg g_early = 1'b0;  // the frame is good and the candidate, before t1.5
-reg g_forgotten = 1'b0;  // the frame was not good at t1.5 (STRICT_T15)
+reg g_forgotten = 1'b0;  // the frame was not good at t1.5 (strict_t15)
 reg g_parity = 1'b0;  // at least one of its characters had the error
 reg g_framing = 1'b0;
 reg [7:0] g_address = 8'd0;
@@ -83,7 +87,7 @@ wire g_first = !g_lost && (g_count == 9'd0 || g_forgotten);
 wire g_continued = g_good && start_seen;
 wire g_resumed = g_early && start_seen;
 wire g_take = byte_valid && !g_lost;
-wire g_undriven = BREAK_TOLERANT && g_take && byte_framing_error;  // perhaps a line that nobody drives
+wire g_undriven = break_tolerant && g_take && byte_framing_error;  // perhaps a line that nobody drives
 wire g_unjudged = g_count != 9'd0 && !g_good && !g_early && !g_forgotten;
 
 wire g_raise_early = (half_reached || short_reached) && g_unjudged && g_whole && g_ours;
@@ -98,7 +102,7 @@ always @(posedge clk) begin
   if (byte_valid) g_forgotten <= 1'b0;
   if (g_continued) begin
     g_good <= 1'b0;
-    if (STRICT_T15) begin
+    if (strict_t15) begin
       g_lost  <= 1'b1;
       g_count <= 9'd0;
     end
@@ -117,7 +121,7 @@ always @(posedge clk) begin
   end
   if (short_reached && g_count != 9'd0 && !g_good && !g_forgotten) begin
     g_good <= g_whole;
-    g_forgotten <= !g_whole && STRICT_T15;
+    g_forgotten <= !g_whole && strict_t15;
   end
   if (long_reached || g_undriven || deaf || rst) begin
     g_count <= 9'd0;
@@ -232,12 +236,12 @@ always @(posedge clk) begin
     a_parity : assert (count_parity == (g_ended && !g_framing && g_parity));
     a_overrun : assert (count_overrun == (g_ended && !g_framing && !g_parity && g_count == 9'd257));
     a_crc : assert (count_crc == (g_ended && !g_framing && !g_parity && g_count != 9'd257));
-    a_t15 : assert (count_t15 == ((byte_valid && g_forgotten) || (g_continued && STRICT_T15 && !g_ours)));
+    a_t15 : assert (count_t15 == ((byte_valid && g_forgotten) || (g_continued && strict_t15 && !g_ours)));
     a_foreign : assert (count_foreign == (long_reached && g_good && !g_ours && !g_continued));
     a_one_cause : assert (g_counted <= 3'd1);
     a_no_fault : assert (!fault);
     // break_filter relies on this: the frame is good up to its last character and none has begun since, or all is dropped.
-    a_may_break : assert (may_break == (BREAK_TOLERANT &&
+    a_may_break : assert (may_break == (break_tolerant &&
         (g_lost || g_good || g_early || (g_unjudged && g_whole && !g_character && !g_pending))));
     a_good_not_counted : assert (!(candidate || commit || count_foreign) || g_counted == 3'd0);
   end
@@ -258,7 +262,7 @@ always @(posedge clk) begin
     i_suspect : assert ((state == S_SUSPECT) == g_forgotten);
     i_frame : assert (!(g_good || g_early || g_forgotten) || g_count != 9'd0);
     i_either : assert ({1'b0, g_good} + {1'b0, g_early} + {1'b0, g_forgotten} <= 2'd1 && !(g_lost && g_count != 9'd0));
-    i_strict : assert (STRICT_T15 || !g_forgotten);
+    i_strict : assert (strict_t15 || !g_forgotten);
     i_count : assert (g_count == 9'd0 || g_count == (overrun ? 9'd257 : length + {8'd0, storing}));
     i_length : assert (g_count == 9'd0 || length <= 9'd256);
     i_overrun : assert (g_count == 9'd0 || !overrun || length == 9'd256);
@@ -281,15 +285,14 @@ always @(posedge clk) begin
     i_summed : assert (g_count == 9'd0 || g_first || g_summed == g_count);
     i_new : assert (!g_character || !g_first || g_summed == 9'd0);
 `ifdef BREAKS
-    i_line : assert (\g_breaks.begun == g_character);
     i_withheld : assert (!g_withheld || (!g_character && (!g_first || g_summed == 9'd0)));
 `endif
+    i_line : assert (begun == g_character);
     i_over : assert (!g_over || (g_count == 9'd0 && !g_character));
   end
 end
 
 // ---- covers
-`ifdef COVER_STRICT
 reg g_has_resumed = 1'b0;
 always @(posedge clk) if (g_resumed) g_has_resumed <= 1'b1;
 always @(posedge clk) begin
@@ -301,9 +304,6 @@ always @(posedge clk) begin
     c_thrown_away : cover (count_t15);
     c_foreign : cover (count_foreign);
     c_other_bank : cover (write_valid && g_held && write_addr[5] != g_held_bank && $past(commit, 3));
+    c_grown : cover (commit && frame_length == 8'd5 && $past(revoke, 4));
   end
 end
-`endif
-`ifdef COVER_LENIENT
-always @(posedge clk) c_grown : cover (g_past && !rst && commit && frame_length == 8'd5 && $past(revoke, 4));
-`endif

@@ -69,6 +69,11 @@ IMAGES = {name: Image(name, **row) for name, row in _TABLE["image"].items()}
 FLAGS = [image for image in IMAGES.values() if image.flag]
 
 
+def folder_with(**values: int) -> str:
+    """Below build, of the images that differ from the default by these options alone."""
+    return next(image.name for image in IMAGES.values() if image.set == values)
+
+
 def having(**traits: int | bool) -> tuple[str, ...]:
     """The dialects with these traits."""
     return tuple(name for name, one in DIALECTS.items() if traits.items() <= one.traits.items())
@@ -103,8 +108,8 @@ def default(option: str) -> str:
     """0, or a condition on the dialect."""
     on = [one.macro for one in DIALECTS.values() if option in one.options]
     off = [one.macro for one in DIALECTS.values() if option not in one.options]
-    if not on:
-        return "0"
+    if not on or not off:
+        return str(int(not off))
     if len(off) == 1:
         return f"(DIALECT != {off[0]})"
     return f"({' || '.join(f'DIALECT == {macro}' for macro in on)})"

@@ -64,8 +64,7 @@ module break_filter (
   );
 
   always @(posedge clk) begin
-    if (start_seen) after_frame <= 1'b0;
-    else if (may_break) after_frame <= 1'b1;
+    after_frame <= !start_seen && (after_frame || may_break);
 
     if (line || line_byte || sending) held <= 1'b0;
     else if (line_start && after_frame) held <= 1'b1;

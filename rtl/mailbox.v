@@ -66,7 +66,10 @@ module mailbox #(
     output wire        lit_modbus_red,
     output wire        lit_modbus_green,
     output wire        lit_drive_red,
-    output wire        lit_drive_green
+    output wire        lit_drive_green,
+    // options of the network line
+    output wire        strict_t15,
+    output wire        break_tolerant
 );
 
   wire order_reply;
@@ -127,6 +130,9 @@ module mailbox #(
       .lit_modbus_green(lit_modbus_green),
       .lit_drive_red(lit_drive_red),
       .lit_drive_green(lit_drive_green),
+      // options of the network line
+      .strict_t15(strict_t15),
+      .break_tolerant(break_tolerant),
       // newest request
       .ticket(ticket),
       .is_candidate(is_candidate),

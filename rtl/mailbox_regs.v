@@ -10,8 +10,8 @@
 // Orders are strobes, and their fields hold in the same clock. order_telegram and order_repeat are
 // the actions of TELEGRAM, which need a drive line on which nothing is sent. order_kind: as
 // licences.v has it.
-// rst turns the LEDs off. Event flags and lengths stay: a restart of the firmware loses no event,
-// and a telegram on the wire keeps its length (WDG-1).
+// rst turns the LEDs off. Event flags, lengths and options stay: a restart of the firmware loses no
+// event, and a telegram on the wire keeps its length (WDG-1).
 // Clock domain: clk. Rules: FRAME-4, FRAME-5, FRAME-7, FC-8, WDG-1.
 `default_nettype none
 
@@ -52,6 +52,9 @@ module mailbox_regs (
     output reg         lit_modbus_green,
     output reg         lit_drive_red,
     output reg         lit_drive_green,
+    // options of the network line, kept until the next kick
+    output reg         strict_t15,
+    output reg         break_tolerant,
     // newest request
     input  wire [ 3:0] ticket,
     input  wire        is_candidate,
@@ -99,6 +102,8 @@ module mailbox_regs (
   localparam LISTEN_ON = 0;
   localparam [2:0] WATCHDOG = 3'd6;
   localparam WATCHDOG_KEY = 0;
+  localparam WATCHDOG_STRICT_T15 = 8;
+  localparam WATCHDOG_BREAK_TOLERANT = 9;
   localparam [2:0] SUPERVISOR = 3'd7;
   localparam SUPERVISOR_HALT = 0;
   localparam SUPERVISOR_LOOPBACK = 1;
@@ -178,6 +183,7 @@ module mailbox_regs (
     telegram_length = 5'd0;
     telegram_no_reply = 1'b0;
     {lit_drive_green, lit_drive_red, lit_modbus_green, lit_modbus_red} = 4'd0;
+    {break_tolerant, strict_t15} = 2'd0;
   end
 
   always @(posedge clk) begin
@@ -190,6 +196,10 @@ module mailbox_regs (
     if (order_telegram) begin
       telegram_length   <= wdata[TELEGRAM_LENGTH+:5];
       telegram_no_reply <= order_no_reply;
+    end
+    if (watchdog_kick) begin
+      strict_t15 <= wdata[WATCHDOG_STRICT_T15];
+      break_tolerant <= wdata[WATCHDOG_BREAK_TOLERANT];
     end
     if (write_now && word == LED)
       {lit_drive_green, lit_drive_red, lit_modbus_green, lit_modbus_red} <= wdata[3:0];

@@ -8,16 +8,14 @@
 // quarter bit stops the count of silence and does not end it, so it costs no commit (LINE-5).
 // quiet: silent, and the pin is high; only then may a reply start (SAFE-2).
 // fault: see rtu_rx and break_filter.
-// BREAK_TOLERANT = 1, for a bus without bias: the low of a character or more after a good frame is
+// strict_t15: a silence of t1.5 ends a frame; 0: only t3.5 does (FRAME-3).
+// break_tolerant = 1, for a bus without bias: the low of a character or more after a good frame is
 // silence (FRAME-3). silent and quiet then hold in such a low, too. See break_filter.
 // loopback_open: the CRC is sent with wrong bits, so that no slave takes the test's pattern for a
 // frame (LOOP-1). Clock domain: clk. Rules: LINE-1 ... LINE-6, FRAME-1 ... FRAME-8, LOOP-1.
 `default_nettype none
 
-module network_port #(
-    parameter [0:0] STRICT_T15 = 1'b1,
-    parameter [0:0] BREAK_TOLERANT = 1'b0
-) (
+module network_port (
     input  wire       clk,
     input  wire       rst,
     input  wire       tick16,
@@ -45,6 +43,8 @@ module network_port #(
     input  wire [8:0] half_end,
     input  wire       half_uneven,
     // configuration
+    input  wire       strict_t15,
+    input  wire       break_tolerant,
     input  wire [7:0] own_address,
     input  wire       loopback_open,
     // status
@@ -163,35 +163,24 @@ module network_port #(
       .start_seen(uart_start)
   );
 
-  generate
-    if (BREAK_TOLERANT) begin : g_breaks
-      break_filter breaks_i (
-          .clk(clk),
-          .rst(rst),
-          // line activity
-          .line(line),
-          .receiving(rx_busy),
-          .line_start(uart_start),
-          .line_byte(rx_valid),
-          // frame
-          .may_break(may_break),
-          .sending(de),
-          // status
-          .start_seen(start_seen),
-          .byte_valid(byte_valid),
-          .busy(busy),
-          .in_break(in_break),
-          .fault(break_fault)
-      );
-    end else begin : g_no_breaks
-      assign start_seen = uart_start;
-      assign byte_valid = rx_valid;
-      assign busy = rx_busy;
-      assign in_break = 1'b0;
-      assign break_fault = 1'b0;
-      wire unused = &{1'b0, may_break};
-    end
-  endgenerate
+  break_filter breaks_i (
+      .clk(clk),
+      .rst(rst),
+      // line activity
+      .line(line),
+      .receiving(rx_busy),
+      .line_start(uart_start),
+      .line_byte(rx_valid),
+      // frame
+      .may_break(may_break),
+      .sending(de),
+      // status
+      .start_seen(start_seen),
+      .byte_valid(byte_valid),
+      .busy(busy),
+      .in_break(in_break),
+      .fault(break_fault)
+  );
 
   silence_timer silence_i (
       .clk(clk),
@@ -223,10 +212,7 @@ module network_port #(
       .good(crc_good)
   );
 
-  rtu_rx #(
-      .STRICT_T15(STRICT_T15),
-      .BREAK_TOLERANT(BREAK_TOLERANT)
-  ) rtu_rx_i (
+  rtu_rx rtu_rx_i (
       .clk(clk),
       .rst(rst),
       // stream in
@@ -247,6 +233,8 @@ module network_port #(
       .crc_clear(crc_clear),
       .crc_good(crc_good),
       // configuration
+      .strict_t15(strict_t15),
+      .break_tolerant(break_tolerant),
       .deaf(de),
       .own_address(own_address),
       // status

@@ -22,8 +22,6 @@ module rtu2fc #(
     parameter SOFT_CORE = `CONFIG_SOFT_CORE,  // 0: PicoRV32, 1: SERV
     parameter LOCKSTEP = 1,  // 1: PicoRV32 twice, and any difference restarts both (SAFE-4)
     parameter MEMORY_BYTES = `CONFIG_MEMORY_BYTES,  // program, data and frames, see bus_arbiter
-    parameter STRICT_T15 = 1,  // 0: a frame may have gaps below t3.5, for USB adapters (FRAME-3)
-    parameter BREAK_TOLERANT = 0,  // 1: for a bus that falls low when nobody drives it (FRAME-3)
     parameter MASTER_LOSS_STOP = 0,  // 1: firmware with that option may stop the drive (SAFE-7)
     parameter EXTENDED_SWITCHES = 0  // 1: 38400, 115200 bit/s and 8N1 (LINE-2, LINE-3)
 ) (
@@ -157,6 +155,8 @@ module rtu2fc #(
   wire lit_modbus_green;
   wire lit_drive_red;
   wire lit_drive_green;
+  wire strict_t15;
+  wire break_tolerant;
 
   // docs/hardening.md, Faults of guarded bits, Memory parity (SAFE-4)
   wire flipped = ram_damaged || network_fault || gate_fault;
@@ -231,10 +231,7 @@ module rtu2fc #(
       .ticks(ticks)
   );
 
-  network_port #(
-      .STRICT_T15(STRICT_T15 == 1),
-      .BREAK_TOLERANT(BREAK_TOLERANT == 1)
-  ) network_i (
+  network_port network_i (
       .clk(clk),
       .rst(rst || fault),
       .tick16(tick16_modbus),
@@ -261,6 +258,8 @@ module rtu2fc #(
       .two_stop(two_stop),
       .half_end(half_end),
       .half_uneven(half_uneven),
+      .strict_t15(strict_t15),
+      .break_tolerant(break_tolerant),
       .own_address(addr),
       .loopback_open(loopback_open),
       // status
@@ -410,7 +409,10 @@ module rtu2fc #(
       .lit_modbus_red(lit_modbus_red),
       .lit_modbus_green(lit_modbus_green),
       .lit_drive_red(lit_drive_red),
-      .lit_drive_green(lit_drive_green)
+      .lit_drive_green(lit_drive_green),
+      // options of the network line
+      .strict_t15(strict_t15),
+      .break_tolerant(break_tolerant)
   );
 
   supervisor supervisor_i (
@@ -518,12 +520,6 @@ module rtu2fc #(
 
   // A module that does not exist stops every tool and names the mistake.
   generate
-    if (STRICT_T15 != 0 && STRICT_T15 != 1) begin : g_strict_mistake
-      STRICT_T15_is_neither_0_nor_1 mistake_i ();
-    end
-    if (BREAK_TOLERANT != 0 && BREAK_TOLERANT != 1) begin : g_break_mistake
-      BREAK_TOLERANT_is_neither_0_nor_1 mistake_i ();
-    end
     if (MASTER_LOSS_STOP != 0 && MASTER_LOSS_STOP != 1) begin : g_loss_mistake
       MASTER_LOSS_STOP_is_neither_0_nor_1 mistake_i ();
     end

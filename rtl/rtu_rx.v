@@ -14,8 +14,9 @@
 // parity and stop bits are right and it has 4 to 256 bytes; ours, if it is also for this card or for
 // all. It becomes the candidate as it leaves RECEIVE. In EARLY and HOLD the start bit of a character
 // counts already (FRAME-6, FRAME-3). Without EARLY a frame that ends in 00 would be a candidate twice.
-// STRICT_T15 = 0: a frame grows until t3.5, so there is no SUSPECT, and HOLD is left to RECEIVE.
-// BREAK_TOLERANT = 1: a character without a stop bit ends its frame in WAIT and counts at once.
+// strict_t15 = 0: a frame grows until t3.5, so there is no SUSPECT, and HOLD is left to RECEIVE.
+// break_tolerant = 1: a character without a stop bit ends its frame in WAIT and counts at once.
+// Both may change in WAIT only.
 // may_break: level, a break may follow: the frame is good and no other character has begun, or all is
 // dropped. line_start: start_seen, but not delayed by break_filter, in time for the CRC.
 // The first 32 bytes go to the frame memory; frame_length is the full length, modulo 256 (FRAME-5).
@@ -29,10 +30,7 @@
 // Clock domain: clk. Rules: FRAME-1 ... FRAME-6, SAFE-1, SAFE-4.
 `default_nettype none
 
-module rtu_rx #(
-    parameter [0:0] STRICT_T15 = 1'b1,
-    parameter [0:0] BREAK_TOLERANT = 1'b0
-) (
+module rtu_rx (
     input  wire       clk,
     input  wire       rst,
     // stream in
@@ -53,6 +51,8 @@ module rtu_rx #(
     output wire       crc_clear,
     input  wire       crc_good,
     // configuration
+    input  wire       strict_t15,
+    input  wire       break_tolerant,
     input  wire       deaf,
     input  wire [7:0] own_address,
     // status
@@ -98,6 +98,7 @@ module rtu_rx #(
   reg parity_bad = 1'b0;
   reg framing_bad = 1'b0;
   reg overrun = 1'b0;
+  reg begun = 1'b0;  // a character is on the line
 
   wire clean = !parity_bad && !framing_bad && !overrun;
   wire good = crc_good && clean && length[8:2] != 7'd0;
@@ -106,7 +107,7 @@ module rtu_rx #(
   wire in_place = frame_bank == begun_bank;
   wire first = state == S_IDLE || state == S_SUSPECT;
   wire in_frame = state == S_RECEIVE || state == S_EARLY;
-  wire accept = byte_valid && (first || in_frame || (state == S_HOLD && !STRICT_T15));
+  wire accept = byte_valid && (first || in_frame || (state == S_HOLD && !strict_t15));
   wire kept = length[8:5] == 4'd0;
   wire stored = storing && (write_ready || !kept);
 
@@ -116,29 +117,18 @@ module rtu_rx #(
 
   // A character without a stop bit may be a line that nobody drives. Its low is no silence, so the
   // frame ends here; from the next high on each low is a break, and t3.5 comes.
-  wire undriven = BREAK_TOLERANT && accept && byte_framing_error;
+  wire undriven = break_tolerant && byte_valid && byte_framing_error && state != S_WAIT;
 
-  generate
-    if (BREAK_TOLERANT) begin : g_breaks
-      reg  begun = 1'b0;  // a character is on the line
-      wire received = state == S_RECEIVE && good && !begun && !storing;
-      wire held = state == S_EARLY || state == S_HOLD;
-      assign may_break = received || held || state == S_WAIT;
-      always @(posedge clk) begin
-        if (start_seen) begun <= 1'b1;
-        else if (byte_valid) begun <= 1'b0;
-        if (rst) begun <= 1'b0;
-      end
-    end else begin : g_no_breaks
-      assign may_break = 1'b0;
-    end
-  endgenerate
+  wire received = state == S_RECEIVE && good && !begun && !storing;
+  wire held = state == S_EARLY || state == S_HOLD;
+  assign may_break = break_tolerant && (received || held || state == S_WAIT);
 
   wire judged = state == S_RECEIVE && (half_reached || short_reached);
   wire raise = judged && good && mine && in_place;
   // docs/hardening.md, Revoke twice (SAFE-4)
   wire continued = start_seen || byte_valid;
   wire spoilt = state == S_HOLD && continued;
+  wire dropped = spoilt && strict_t15;
   wire resumed = state == S_EARLY && continued;
   wire next_bank = raise || (spoilt && mine) || resumed;
 
@@ -147,7 +137,7 @@ module rtu_rx #(
   assign count_parity = ended_bad && parity_bad && !framing_bad;
   assign count_overrun = ended_bad && overrun && !parity_bad && !framing_bad;
   assign count_crc = ended_bad && clean;
-  assign count_t15 = (byte_valid && state == S_SUSPECT) || (spoilt && STRICT_T15 && !mine);
+  assign count_t15 = (byte_valid && state == S_SUSPECT) || (dropped && !mine);
   assign count_foreign = state == S_HOLD && long_reached && !spoilt && !mine;
 
   always @* begin
@@ -156,7 +146,7 @@ module rtu_rx #(
       S_WAIT: if (long_reached) next_state = S_IDLE;
       S_RECEIVE:
       if (short_reached && good) next_state = S_HOLD;
-      else if (short_reached && STRICT_T15) next_state = S_SUSPECT;
+      else if (short_reached && strict_t15) next_state = S_SUSPECT;
       else if (long_reached) next_state = S_IDLE;
       else if (raise) next_state = S_EARLY;
       S_EARLY:
@@ -164,7 +154,8 @@ module rtu_rx #(
       else if (short_reached) next_state = S_HOLD;
       else if (long_reached) next_state = S_IDLE;
       S_HOLD:
-      if (spoilt) next_state = STRICT_T15 ? S_WAIT : S_RECEIVE;
+      if (dropped) next_state = S_WAIT;
+      else if (spoilt) next_state = S_RECEIVE;
       else if (long_reached) next_state = S_IDLE;
       S_SUSPECT:
       if (byte_valid) next_state = S_RECEIVE;
@@ -207,6 +198,9 @@ module rtu_rx #(
     commit <= state == S_HOLD && long_reached && mine && !in_place;
     revoke <= spoilt && mine;
 
+    if (start_seen) begun <= 1'b1;
+    else if (byte_valid) begun <= 1'b0;
+
     if (stored) begin
       storing <= 1'b0;
       if (length[8]) overrun <= 1'b1;
@@ -230,7 +224,7 @@ module rtu_rx #(
     end
     // A 00 byte appended to a good frame leaves the CRC remainder good, so a flipped state could
     // accept a revoked frame again. docs/hardening.md, Revoke twice (SAFE-4)
-    if (spoilt && STRICT_T15) unit <= TO_OTHERS;
+    if (dropped) unit <= TO_OTHERS;
 
     // Latched, because the next frame may begin while the firmware still reads this one.
     // A revoked candidate returns its bank and may continue to grow in it.
@@ -241,7 +235,7 @@ module rtu_rx #(
       frame_writes_parameter <= writes_parameter;
     end
 
-    if (rst) {storing, candidate, commit, revoke} <= 4'd0;
+    if (rst) {storing, begun, candidate, commit, revoke} <= 5'd0;
   end
 
 endmodule

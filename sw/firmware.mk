@@ -20,6 +20,12 @@ FIRMWARE_FOLDERS += build/delay5
 build/delay5/%: FIRMWARE_BY_NAME := -DREPLY_DELAY=5
 FIRMWARE_FOLDERS += build/delay20
 build/delay20/%: FIRMWARE_BY_NAME := -DREPLY_DELAY=20
+FIRMWARE_FOLDERS += build/gaps build/gaps/builtin build/gaps/hvac_basic
+build/gaps/%: FIRMWARE_BY_NAME := -DSTRICT_T15=0
+FIRMWARE_FOLDERS += build/breaks build/breaks/builtin build/breaks/hvac_basic
+build/breaks/%: FIRMWARE_BY_NAME := -DBREAK_TOLERANT=1
+FIRMWARE_FOLDERS += build/gaps_breaks build/gaps_breaks/builtin build/gaps_breaks/hvac_basic
+build/gaps_breaks/%: FIRMWARE_BY_NAME := -DSTRICT_T15=0 -DBREAK_TOLERANT=1
 FIRMWARE_LARGE += build/large/all build/large/all/builtin build/large/all/hvac_basic
 build/large/all/%: FIRMWARE_BY_NAME := -DSTATUS_REFRESH=1 -DMASTER_LOSS_STOP=1 -DDIAGNOSTICS=1
 # end of images

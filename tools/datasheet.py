@@ -65,8 +65,6 @@ MEANING = {
     "SOFT_CORE": "0 PicoRV32, 1 SERV",
     "MEMORY_BYTES": "firmware memory",
     "LOCKSTEP": "1: two PicoRV32 in lockstep",
-    "STRICT_T15": "0: no t1.5 inside a frame",
-    "BREAK_TOLERANT": "1: low after a frame is silence",
     "MASTER_LOSS_STOP": "1: may stop the drive",
     "EXTENDED_SWITCHES": "1: 38400, 115200, 8N1",
     "rst_n": "reset, active low",

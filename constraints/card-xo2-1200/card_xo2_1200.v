@@ -50,8 +50,6 @@ module card_xo2_1200 #(
       .SOFT_CORE(1),
       .LOCKSTEP(0),
       .MEMORY_BYTES(6144),
-      .STRICT_T15(1),
-      .BREAK_TOLERANT(0),
       .MASTER_LOSS_STOP(0),
       .EXTENDED_SWITCHES(EXTENDED_SWITCHES)
   ) card_i (

@@ -48,8 +48,6 @@ module icebreaker #(
       .SOFT_CORE(0),
       .LOCKSTEP(1),
       .MEMORY_BYTES(8192),
-      .STRICT_T15(1),
-      .BREAK_TOLERANT(0),
       .MASTER_LOSS_STOP(0),
       .EXTENDED_SWITCHES(EXTENDED_SWITCHES)
   ) card_i (

@@ -51,8 +51,6 @@ module tang_nano_9k #(
       .SOFT_CORE(0),
       .LOCKSTEP(1),
       .MEMORY_BYTES(16384),
-      .STRICT_T15(1),
-      .BREAK_TOLERANT(0),
       .MASTER_LOSS_STOP(MASTER_LOSS_STOP),
       .EXTENDED_SWITCHES(EXTENDED_SWITCHES)
   ) card_i (

@@ -170,6 +170,8 @@ module modbus_slave #(
       .two_stop(PARITY == 0),
       .half_end(HALF[8:0] + 9'd17),
       .half_uneven(1'b0),
+      .strict_t15(1'b1),
+      .break_tolerant(1'b0),
       .own_address(UNIT[7:0]),
       .loopback_open(1'b0),
       // status

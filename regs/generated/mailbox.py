@@ -169,6 +169,8 @@ REGISTERS = {
         4,
         {
             "key": Field(0, 8, 0xA5),
+            "strict_t15": Field(8, 1, None),
+            "break_tolerant": Field(9, 1, None),
         },
     ),
     "SUPERVISOR": Register(

@@ -29,9 +29,10 @@ from dataclasses import dataclass, field
 from pathlib import Path
 
 from regs.dialects import DIALECTS as TABLE
+from regs.dialects import folder_with
 from regs.generated.mailbox import AREAS, FRAMES_BYTES, STRIDE
 from rtl.command import Parser, run_main, stop_printing
-from rtl.sources import configuration, configurations
+from rtl.sources import ROOT, configuration, configurations
 from sim.harness.library import BuildError, Target
 from sim.harness.pins import BAUDS, DRIVE, FORMS, NETWORK, Pins
 from sim.harness.simulated_card import NUMBER
@@ -46,7 +47,8 @@ CONFIG, DIALECT = "standard", "card"
 FACTORY = "8N2"  # the format of the original from the factory
 STROBES = ("candidate", "commit", "revoke")
 YES_NO = ("yes", "no")
-PARAMETERS = {"strict-t15": "STRICT_T15", "break-tolerant": "BREAK_TOLERANT"}
+# Options of the firmware, and what they are without a word of the user.
+OPTIONS = {"STRICT_T15": "yes", "BREAK_TOLERANT": "no"}
 # Counter and its words. Revoked candidates have a strobe.
 REASONS = {
     "COUNT_CRC": "dropped: CRC wrong",
@@ -119,8 +121,9 @@ def suspicion(piece: Piece) -> str:
 class Replay:
     """A recording and a card that was just switched on. Unit of time: clocks since the card's start.
 
-    `edges`: time in clocks since the start of the recording, and level; first the level at 0. `parameters`:
-    of the card, other than its defaults. The small card (`config` tiny) has the image of the dialect `card`.
+    `edges`: time in clocks since the start of the recording, and level; first the level at 0. `images`:
+    folder of firmware images, other than the configuration's. The small card (`config` tiny) has the image of
+    the dialect `card`.
     """
 
     def __init__(
@@ -130,12 +133,12 @@ class Replay:
         unit: int,
         *,
         replies: bool = True,
-        parameters: tuple[tuple[str, int], ...] = (),
+        images: Path | None = None,
         config: str = CONFIG,
         dialect: str = DIALECT,
     ) -> None:
         self.line, self.unit = line, unit
-        target = Target(parameters=parameters, config=config)
+        target = Target(images=images, config=config)
         config = configuration(config)
         self.character = line.character_bits * line.bit
         self.origin = round(config["boot_ms"] * config["clk_hz"] / 1000 + LEAD_CHARACTERS * self.character)
@@ -394,11 +397,14 @@ def arguments(words: Sequence[str] | None) -> argparse.Namespace:
         "--config", default=CONFIG, choices=sorted(configurations()), help="default: standard"
     )
     parser.add_argument("--dialect", default=DIALECT, choices=sorted(DIALECTS), help="default: card")
-    for name, parameter in PARAMETERS.items():
-        parser.add_argument(f"--{name}", choices=YES_NO, help=f"{parameter} of rtl/rtu2fc.v")
+    for option, usual in OPTIONS.items():
+        name = f"--{option.lower().replace('_', '-')}"
+        parser.add_argument(name, default=usual, choices=YES_NO, help=f"{option} of the firmware")
     options = parser.parse_args(words)
     if options.config == "tiny" and options.dialect != DIALECT:
         parser.error(f"the configuration tiny speaks the dialect {DIALECT} alone")
+    if options.config == "tiny" and unusual(options):
+        parser.error(f"no image of the configuration tiny has another {', '.join(unusual(options))}")
     if not 1 <= options.unit <= 247:
         parser.error(f"unit {options.unit} is no address of a card: 1 to 247")
     if not options.seconds > 0:
@@ -406,16 +412,17 @@ def arguments(words: Sequence[str] | None) -> argparse.Namespace:
     return options
 
 
+def unusual(options: argparse.Namespace) -> dict[str, int]:
+    """Options of the firmware that are not as usual, with their values."""
+    chosen = {option: vars(options)[option.lower()] for option in OPTIONS}
+    return {option: int(word == "yes") for option, word in chosen.items() if word != OPTIONS[option]}
+
+
 def main(words: Sequence[str] | None = None) -> int:
     options = arguments(words)
     line = LineFormat(options.baud, options.format, configuration(options.config)["clk_hz"])
     invert = options.invert == "yes"
-    chosen = vars(options)
-    parameters = tuple(
-        (parameter, int(given == "yes"))
-        for name, parameter in PARAMETERS.items()
-        if (given := chosen[name.replace("-", "_")])
-    )
+    others = unusual(options)
     try:
         capture = open_capture(options.file)
         samples = capture.samples_a_bit(options.baud)
@@ -436,7 +443,7 @@ def main(words: Sequence[str] | None = None) -> int:
             line,
             options.unit,
             replies=options.replies == "yes",
-            parameters=parameters,
+            images=ROOT / "build" / folder_with(**others) if others else None,
             config=options.config,
             dialect=options.dialect,
         ) as replay:

@@ -52,6 +52,19 @@
 #ifndef DIAGNOSTICS
 #define DIAGNOSTICS (DIALECT == DIALECT_HVAC_BASIC)
 #endif
+
+/*
+ * 1: a silence of 1.5 characters ends a frame; 0: only one of 3.5 does, for masters with a USB adapter (FRAME-2,
+ * FRAME-3).
+ */
+#ifndef STRICT_T15
+#define STRICT_T15 1
+#endif
+
+/* 1: a low of a character or more after a good frame is silence, for a bus without bias (FRAME-3). */
+#ifndef BREAK_TOLERANT
+#define BREAK_TOLERANT 0
+#endif
 /* end of options */
 
 /* A function with one copy, so that the firmware fits the small card. */

@@ -31,21 +31,21 @@ DIALECTS = {
         index_register=0,
         text_by_size=False,
         drive="vlt6000",
-        options=(),
+        options=("STRICT_T15",),
     ),
     "builtin": Dialect(
         {"function": 67, "length": 65, "quantity": 66, "address": 64, "value": 66},
         index_register=8,
         text_by_size=True,
         drive="vlt6000",
-        options=("STATUS_REFRESH",),
+        options=("STATUS_REFRESH", "STRICT_T15"),
     ),
     "hvac_basic": Dialect(
         {"function": 1, "length": 3, "quantity": 3, "address": 2, "value": 3, "drive": 4},
         index_register=8,
         text_by_size=True,
         drive="hvac_basic",
-        options=("STATUS_REFRESH", "DIAGNOSTICS"),
+        options=("STATUS_REFRESH", "DIAGNOSTICS", "STRICT_T15"),
     ),
 }
 # end of dialects

@@ -3,6 +3,7 @@
 #include "gateway.h"
 #include "image.h"
 #include "mailbox_port.h"
+#include "options.h"
 
 /* Words of the image checked between two kicks of the watchdog. IDLE_WORDS is small because a candidate may arrive
  * meanwhile and wait; at the start no request is served. */
@@ -19,7 +20,8 @@ static void check(struct image *image, uint32_t words)
 
 static void kick(void)
 {
-    mailbox_write(WATCHDOG, MAILBOX__WATCHDOG__KEY_reset);
+    mailbox_write(WATCHDOG, MAILBOX__WATCHDOG__KEY_reset | (STRICT_T15 ? MAILBOX__WATCHDOG__STRICT_T15_bm : 0u) |
+                                (BREAK_TOLERANT ? MAILBOX__WATCHDOG__BREAK_TOLERANT_bm : 0u));
 }
 
 int main(void)
@@ -30,8 +32,8 @@ int main(void)
 
     image_begin(&image, _start);
     do { /* at most 24 turns: the words of the smallest memory, START_WORDS in each turn */
-        check(&image, START_WORDS);
         kick();
+        check(&image, START_WORDS);
     } while (image.at != _start);
     gateway_init(g);
     for (;;) { /* endless: the poll loop, under the watchdog */

@@ -14,7 +14,8 @@ from itertools import product
 
 import pytest
 
-from rtl.sources import configuration
+from regs.dialects import folder_with
+from rtl.sources import ROOT, configuration
 from sim.harness.library import BuildError, Target
 from sim.harness.pins import NETWORK, Pins
 from tb.agents import rtu
@@ -99,11 +100,11 @@ class Rubbish:
 class Bus:
     """A card, and a line that rests at `rest` whenever nobody drives it."""
 
-    def __init__(self, form: str, parameters: dict[str, int], rest: int, rng: random.Random) -> None:
+    def __init__(self, form: str, options: dict[str, int], rest: int, rng: random.Random) -> None:
         self.rng, self.rest = rng, rest
         self.line = LineFormat(RATE, form, CLK_HZ)
         self.rubbish = Rubbish(rng, self.line)
-        target = Target(parameters=tuple(parameters.items()))
+        target = Target(images=ROOT / "build" / folder_with(**options) if options else None)
         try:
             self.pins = Pins(target.library(CLK_HZ), target.image_folder("card"), self.line, UNIT)
         except BuildError as error:
@@ -161,9 +162,9 @@ CASES = [
 ]
 
 
-def outcomes(parameters: dict[str, int], rest: int, pieces: int) -> Iterator[str]:
+def outcomes(options: dict[str, int], rest: int, pieces: int) -> Iterator[str]:
     for form in FORMATS:
-        bus = Bus(form, parameters, rest, seeded(f"rubbish {form} {parameters} {rest}"))
+        bus = Bus(form, options, rest, seeded(f"rubbish {form} {options} {rest}"))
         for number in range(pieces // len(FORMATS)):
             if wrong := bus.piece():
                 yield f"{form}, piece {number}: {wrong}"
@@ -171,7 +172,7 @@ def outcomes(parameters: dict[str, int], rest: int, pieces: int) -> Iterator[str
 
 
 @pytest.mark.rule("SAFE-3", "FRAME-3")
-@pytest.mark.parametrize(("parameters", "rest"), CASES)
-def test_the_third_request_after_rubbish_is_answered(parameters: dict[str, int], rest: int, pieces: int):
-    wrong = list(outcomes(parameters, rest, pieces))
+@pytest.mark.parametrize(("options", "rest"), CASES)
+def test_the_third_request_after_rubbish_is_answered(options: dict[str, int], rest: int, pieces: int):
+    wrong = list(outcomes(options, rest, pieces))
     assert not wrong, f"{len(wrong)} of {pieces}, first: {wrong[0]}"

@@ -12,6 +12,8 @@ import cocotb
 import pytest
 from cocotb.triggers import RisingEdge, with_timeout
 
+from regs.dialects import folder_with
+from rtl.sources import ROOT
 from tb.agents import rtu
 from tb.agents.fc_slave import FAULTS, Manner, Script
 from tb.agents.modbus_master import Transaction
@@ -534,7 +536,8 @@ def test_without_t15():
         "only_the_newest_request_is_answered",
         "silent_drive_gets_the_telegram_twice_and_is_then_reported",
     ]
-    run_card("verilator", "standard", what, STRICT_T15=0)
+    image = ROOT / "build" / folder_with(STRICT_T15=0) / "firmware.hex"
+    run_card("verilator", "standard", what, FIRMWARE_HEX=str(image))
 
 
 @pytest.mark.nightly

@@ -286,7 +286,7 @@ def _recording(run_folder: Path, parameters: Mapping[str, object]) -> dict[str, 
     return {
         "RECORD": str(run_folder / LINES),
         "RECORD_DIALECT": image_folder if image_folder in DIALECTS else "card",
-        "RECORD_STRICT": str(parameters.get("STRICT_T15", 1)),
+        "RECORD_STRICT": str(int("gaps" not in image_folder)),
     }
 
 

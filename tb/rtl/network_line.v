@@ -85,10 +85,9 @@ module network_line #(
       .modbus_mask(mask)
   );
 
-  network_port #(
-      .STRICT_T15(STRICT_T15),
-      .BREAK_TOLERANT(BREAK_TOLERANT)
-  ) port_i (
+  network_port port_i (
+      .strict_t15(STRICT_T15),
+      .break_tolerant(BREAK_TOLERANT),
       .clk(clk),
       .rst(rst),
       .tick16(tick16),

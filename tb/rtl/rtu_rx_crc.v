@@ -55,9 +55,7 @@ module rtu_rx_crc #(
       .good(crc_good)
   );
 
-  rtu_rx #(
-      .STRICT_T15(STRICT_T15)
-  ) rx_i (
+  rtu_rx rx_i (
       .clk(clk),
       .rst(rst),
       .byte_valid(byte_valid),
@@ -74,6 +72,8 @@ module rtu_rx_crc #(
       .write_addr(write_addr),
       .crc_clear(crc_clear),
       .crc_good(crc_good),
+      .strict_t15(STRICT_T15),
+      .break_tolerant(1'b0),
       .deaf(deaf),
       .own_address(own_address),
       .candidate(candidate),

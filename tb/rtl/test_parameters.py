@@ -23,8 +23,6 @@ TABLE = [
     ("MEMORY_BYTES", (7168, 10_240, 20_480, 512), (6144, 8192, 16_384), MEMORY),
     ("SOFT_CORE", (2, 4), (0,), "SOFT_CORE_is_neither_0_nor_1"),
     ("LOCKSTEP", (2,), (0, 1), "LOCKSTEP_is_neither_0_nor_1"),
-    ("STRICT_T15", (2,), (0, 1), "STRICT_T15_is_neither_0_nor_1"),
-    ("BREAK_TOLERANT", (2,), (0, 1), "BREAK_TOLERANT_is_neither_0_nor_1"),
     ("MASTER_LOSS_STOP", (2,), (0, 1), "MASTER_LOSS_STOP_is_neither_0_nor_1"),
     ("EXTENDED_SWITCHES", (2,), (0, 1), "EXTENDED_SWITCHES_is_neither_0_nor_1"),
 ]
