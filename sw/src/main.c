@@ -20,8 +20,13 @@ static void check(struct image *image, uint32_t words)
 
 static void kick(void)
 {
-    mailbox_write(WATCHDOG, MAILBOX__WATCHDOG__KEY_reset | (STRICT_T15 ? MAILBOX__WATCHDOG__STRICT_T15_bm : 0u) |
-                                (BREAK_TOLERANT ? MAILBOX__WATCHDOG__BREAK_TOLERANT_bm : 0u));
+    uint32_t word = MAILBOX__WATCHDOG__KEY_reset;
+
+    if (STRICT_T15)
+        word |= MAILBOX__WATCHDOG__STRICT_T15_bm;
+    if (BREAK_TOLERANT)
+        word |= MAILBOX__WATCHDOG__BREAK_TOLERANT_bm;
+    mailbox_write(WATCHDOG, word);
 }
 
 int main(void)
