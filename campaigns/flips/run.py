@@ -1,7 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """Flips single bits of the running card under traffic (COUNT=, BAUD=, TRIAL=one flip); `make flips`.
 
-    make flips [SEED=N] [COUNT=FLIPS] [BAUD=N] [CONFIG=NAME] [TRIAL=SEED/NUMBER], or
     python -m campaigns.flips.run [--seed N] [--count FLIPS] [--baud RATE] [--config NAME]  # a shard:
     build/fuzz/flips-CONFIG-SEED-RATE.json
     python -m campaigns.flips.run --report                           # a table of all shards for each card

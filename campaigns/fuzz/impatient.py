@@ -1,7 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """Masters that do not wait: was the drive told what the image shows (SAFE-8); `make impatient`.
 
-    make impatient [CONFIG=tiny] [SEED=N] [COUNT=SEQUENCES] [JOBS=N], or
     python -m campaigns.fuzz.impatient [--config tiny] [--seed N] [--count SEQUENCES] [--jobs N] [--jams]
 
 A sequence is 4 to 12 requests with time-outs of 5 to 400 ms, often a start, a slow reading, a stop and a

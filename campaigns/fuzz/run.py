@@ -1,7 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """Random lines and drives, judged by the models (1 min for COUNT=2000 frames; REPLAY=case); `make fuzz`.
 
-    make fuzz [CONFIG=tiny] [SEED=N] [COUNT=FRAMES] [REPLAY=FILE.json [WAVE=FILE.fst]], or
     python -m campaigns.fuzz.run [--config tiny] [--seed N] [--count FRAMES] [--bauds 9600]
     python -m campaigns.fuzz.run [--config tiny] --replay build/fuzz/case-FILE.json [--wave FILE.fst]
     python -m campaigns.fuzz.run --plants [NAME ...]     # frames until each planted bug is found
