@@ -85,7 +85,7 @@ DESCRIBED = /^""".*; `make [a-z-]+`\.("""|$$)/
 #:   SEED=n        seed of random tests and campaigns; without it the tests take a fixed seed, campaigns draw one
 #:   NAME=value    of a campaign: its option --name; `python -m campaigns.FOLDER.run --help` lists them
 #:   RUNS=n        executions (fuzz-firmware)
-#:   MODULE=name   a module of rtl/ (formal, formal-flips); BOARD=name: a board of constraints/boards.toml (synth, image)
+#:   MODULE=name   a module of rtl/ (formal, formal-flips); BOARD=name: a board of constraints/boards.toml, or the file of your own (synth, image)
 #:   FILE=name     a recording (wireshark, telegrams, replay); FIRMWARE=file: an image (image); SHARD=I/N: a part
 #:                 (mutate-firmware)
 #:   UNIT=, BAUD=, CHANNEL=name, FORMAT=8N2, INVERT=yes, REPLIES=no, FOR=s, DIALECT=name, STRICT_T15=no,
@@ -207,8 +207,9 @@ image: firmware | setup-synth ## another firmware into a finished bitstream (BOA
 		{ echo "say which: make image BOARD=name FIRMWARE=file.hex" >&2; exit 2; }
 	@$(RUN) constraints.image "$(BOARD)" "$(FIRMWARE)"
 
-pins: | setup-synth ## the boards' pin tables, docs/reference/pins.md
+pins: | setup-synth ## the boards' tables in the docs, and build/boards
 	@$(RUN) constraints.boards
+	@$(RUN) tools.handbook
 
 selftest: | setup-demo ## a real card over a serial adapter: a tick or a cross a row (PORT=; starts no motor without START=)
 	@[ -n "$(PORT)" ] || { echo "say which port: make selftest PORT=/dev/ttyUSB0" >&2; exit 2; }

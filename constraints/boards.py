@@ -1,8 +1,8 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The boards: constraints/boards.toml, each board's wrapper and pin file, and the checks between them.
+"""The boards: rows of constraints/boards.toml, pin files, and the checks between them.
 
-python -m constraints.boards            writes the pin tables, docs/reference/pins.md
-python -m constraints.boards --check    exit 1 if the tables differ from the pin files
+python -m constraints.boards            writes the pin tables, docs/reference/pins.md, and build/boards
+python -m constraints.boards --check    exit 1 if the tables differ, or a board is half-made
 """
 
 from __future__ import annotations
@@ -10,25 +10,34 @@ from __future__ import annotations
 import argparse
 import importlib.util
 import json
+import os
 import re
 import sys
+import textwrap
 import tomllib
-from dataclasses import dataclass, replace
+from dataclasses import MISSING, dataclass, field, fields, replace
 from functools import cache
 from pathlib import Path
 
+from constraints import wrapper
 from rtl.command import run_main
-from rtl.sources import ROOT, SourcesError, configurations, without_comments
+from rtl.sources import ROOT, SourcesError, configuration, configurations, without_comments
 
-FOLDER = ROOT / "constraints"
-TABLE = FOLDER / "boards.toml"
+TABLE = ROOT / "constraints/boards.toml"
+# Where the pins of our boards are typed from their documents, a second time.
+WITNESS = ROOT / "constraints/test_boards.py"
+BUILD = ROOT / "build/boards"
 # End of a board's name: the same board with EXTENDED_SWITCHES = 1 (LINE-2, LINE-3).
 EXTENDED = "-extended"
+NAME = re.compile(r"[A-Za-z]\w*(-\w+)*")
 CARD = ROOT / "rtl/rtu2fc.v"
-CARD_INSTANCE = "card_i"
-# The parameters of the card in its own file, and their values in a wrapper.
-CARD_PARAMETER = re.compile(r"^ *parameter (?:\[[^]]*\] )?(\w+) =", re.MULTILINE)
-CONNECTED = re.compile(r"\.(\w+)\(([^)]*)\)")
+# The parameters of the card in its own file, and their defaults.
+CARD_PARAMETER = re.compile(r"^ *parameter (?:\[[^]]*\] )?(\w+) = ([^,\s]+)", re.MULTILINE)
+# Those that follow from other keys of the row.
+FOLLOWING = ("CLK_HZ", "FIRMWARE_HEX", "SOFT_CORE", "MEMORY_BYTES")
+FLASH = {"idcode", "pages", "user_pages"}
+# What docs/guide/hardware.md says of a board.
+SHOWN = ("title", "use", "switches", "leds", "transceivers", "load")
 PIN_FILES = {"ice40": "pcf", "machxo2": "lpf", "ecp5": "lpf", "gowin": "cst"}
 DOCS = ROOT / "docs/reference/pins.md"
 
@@ -50,23 +59,18 @@ CST_NAMES = {"PULL_MODE": "PULLMODE", "SLEW_RATE": "SLEWRATE"}
 # The other end of each port; {n} is the number of its bit.
 WIRED = {
     "clk": "oscillator",
-    "sw_baud_n": "baud switch {n}, closes to ground",
-    "button_n": "user button as baud switch 9, closes to ground",
-    "sw_addr_n": "address switch {n}, closes to ground",
-    "modbus_rx": "network transceiver, receiver output (R)",
-    "modbus_tx": "network transceiver, driver input (D)",
-    "modbus_de": "network transceiver, driver enable (DE)",
-    "drive_rx": "drive transceiver, receiver output (R)",
-    "drive_tx": "drive transceiver, driver input (D)",
-    "drive_de": "drive transceiver, driver enable (DE)",
-    "wifi_gpio0": "the ESP32's GPIO0, held high",
+    "rst_n": "reset, by a low pin",
+    "sw_baud": "baud switch {n}, closes to {rail}",
+    "button": "user button as baud switch 9, closes to {rail}",
+    "sw_addr": "address switch {n}, closes to {rail}",
 }
-WIRED |= {
-    f"led_{line}_{colour}{suffix}": f"{name} LED, {colour}, lit by a {level} pin"
-    for line, name in (("modbus", "network"), ("drive", "drive"))
-    for colour in ("red", "green")
-    for suffix, level in (("_n", "low"), ("", "high"))
-}
+ENDS = {"rx": "receiver output (R)", "tx": "driver input (D)", "de": "driver enable (DE)"}
+for _line, _name in wrapper.LINES.items():
+    WIRED |= {f"{_line}_{wire}": f"{_name} transceiver, {end}" for wire, end in ENDS.items()}
+    WIRED |= {
+        f"led_{_line}_{colour}": f"{_name} LED, {colour}, lit by a {{level}} pin"
+        for colour in ("red", "green")
+    }
 # Banks are at 3.3 V, but for those that boards.toml names. iCE40 has one standard and one strength.
 STANDARD, STANDARD_1V8 = "LVCMOS33", "LVCMOS18"
 STRENGTHS = {"machxo2": ("4", "8", "12", "16", "24"), "ecp5": ("4", "8", "12", "16")}
@@ -94,8 +98,16 @@ CONFIGURATION = {"machxo2": MACHXO2_CONFIGURATION, "gowin": GOWIN_CONFIGURATION}
 # A clock pin is one from which the router reaches the clock networks. From GCLKT_4 and GCLKT_5, on the lower
 # side of a GW1N-9, nextpnr 0.11.1 does not: it routes the clock as a signal, with hold errors.
 CLOCK_PIN = {"machxo2": re.compile(r"\bPCLKT\d_\d$"), "gowin": re.compile(r"\bGCLKT_[0-367]$")}
-# Package names of Project Trellis.
-PACKAGES = {"TG144": "TQFP144"}
+# Package names of Project Trellis, without the number of pins.
+PACKAGES = {
+    "TG": "TQFP",
+    "BG": "CABGA",
+    "MG": "CSBGA",
+    "FG": "FPBGA",
+    "FTG": "FTBGA",
+    "SG": "QFN",
+    "QN": "QFN",
+}
 
 
 @dataclass(frozen=True)
@@ -110,51 +122,91 @@ class Pin:
 
 @dataclass(frozen=True)
 class Board:
-    """An entry of boards.toml; `name` is its key, with EXTENDED after it for the board of that kind."""
+    """A row of boards.toml; `name` is its key, with EXTENDED after it for the board of that kind.
+
+    `row_file` is the file of the row. The pin file is beside it.
+    """
 
     name: str
-    title: str
+    row_file: Path
     config: str
     part: str
     family: str
     device: tuple[str, ...]
     clk_hz: int
-    cells: int
-    brams: int
-    lockstep: int
-    seeds: tuple[int, ...]
+    cells: int = 0
+    brams: int = 0
+    seeds: tuple[int, ...] = (1, 2, 3, 4)
     memory_bytes: int = 0
     firmware_hex: str = ""
     banks_1v8: tuple[int, ...] = ()
+    parameters: dict[str, int] = field(default_factory=dict, hash=False)
+    held: dict[str, int] = field(default_factory=dict, hash=False)
+    flash: dict[str, int] = field(default_factory=dict, hash=False)
+    title: str = ""
+    use: str = ""
+    switches: str = ""
+    leds: str = ""
+    transceivers: str = ""
+    load: tuple[list[str], ...] = field(default=(), hash=False)
 
     @property
-    def folder(self) -> Path:
-        return FOLDER / self.name.removesuffix(EXTENDED)
+    def plain_name(self) -> str:
+        return self.name.removesuffix(EXTENDED)
 
     @property
     def extended_switches(self) -> int:
-        return int(self.name.endswith(EXTENDED))
+        return int(self.name.endswith(EXTENDED) or self.parameters.get("EXTENDED_SWITCHES", 0))
 
     @property
     def top(self) -> str:
-        return self.folder.name.replace("-", "_")
+        return self.plain_name.replace("-", "_")
 
     @property
     def wrapper(self) -> Path:
-        return self.folder / f"{self.top}.v"
+        """The Verilog of the board's top, made anew if it is of another row or pin file."""
+        path, text = BUILD / f"{self.top}.v", self._verilog()
+        if not path.exists() or path.read_text() != text:
+            path.parent.mkdir(parents=True, exist_ok=True)
+            fresh = path.with_suffix(f".{os.getpid()}")
+            fresh.write_text(text)
+            fresh.replace(path)
+        return path
+
+    def _verilog(self) -> str:
+        chosen = configuration(self.config)
+        own = {"CLK_HZ": f"{self.clk_hz:_}", "FIRMWARE_HEX": '"firmware.hex"', "EXTENDED_SWITCHES": "0"}
+        own |= {name: str(value) for name, value in self.parameters.items()}
+        settings = dict(CARD_PARAMETER.findall(without_comments(CARD)))
+        settings |= {
+            "SOFT_CORE": str(chosen["soft_core_id"]),
+            "LOCKSTEP": str(int(chosen["soft_core"] == "picorv32")),
+            "MEMORY_BYTES": str(4 * self.memory_words),
+            **{name: name for name in own},
+        }
+        about = [
+            f"{self.title or self.plain_name}: configuration {self.config}, clk {self.clk_hz / 1e6:g} MHz.",
+            f"Made from {shown(self.row_file)} and {shown(self.pin_file)}: change those.",
+            "",
+        ]
+        for key in ("switches", "leds", "transceivers"):
+            if said := getattr(self, key):
+                about += textwrap.wrap(f"{key}: {said}", 90)
+        placed = {pin.port.split("[")[0] for pin in self.pins()}
+        return wrapper.verilog(self.top, about, own, settings, placed, self.held)
 
     @property
     def pin_file(self) -> Path:
-        return self.folder / f"{self.top}.{PIN_FILES[self.family]}"
+        return self.row_file.with_name(f"{self.plain_name}.{PIN_FILES[self.family]}")
 
     @property
     def memory_words(self) -> int:
-        return (self.memory_bytes or configurations()[self.config]["memory_bytes"]) // 4
+        return (self.memory_bytes or configuration(self.config)["memory_bytes"]) // 4
 
     @property
     def firmware(self) -> Path:
         """The default image."""
-        return ROOT / (self.firmware_hex or configurations()[self.config]["firmware_hex"])
+        return ROOT / (self.firmware_hex or configuration(self.config)["firmware_hex"])
 
     @property
     def gowin_die(self) -> str:
@@ -163,7 +215,10 @@ class Board:
 
     def pins(self) -> list[Pin]:
         """Pins of the pin file, with the attribute names of an .lpf."""
-        text = self.pin_file.read_text()
+        try:
+            text = self.pin_file.read_text()
+        except FileNotFoundError:
+            raise SourcesError(f"{self.name}: there is no pin file {shown(self.pin_file)}") from None
         if self.pin_file.suffix != ".pcf":
             pin_line, buffer_line = LINES[self.pin_file.suffix]
             buffers = {
@@ -187,14 +242,59 @@ class Board:
         return found
 
 
+def shown(path: Path) -> str:
+    """A file of ours by its path from the root, another by its name."""
+    return str(path.relative_to(ROOT)) if path.is_relative_to(ROOT) else path.name
+
+
+def from_row(name: str, row_file: Path, row: dict) -> Board:
+    """A board by its row; an error names the first thing that is wrong in it."""
+
+    def check(wrong: object, said: str) -> None:
+        if wrong:
+            raise SourcesError(f"{shown(row_file)}: {name}: {said}")
+
+    keys = {one.name: one for one in fields(Board)[2:]}
+    wrong = not NAME.fullmatch(name) or name.endswith(EXTENDED)
+    check(wrong, f"a board's name has letters, digits, - and _, and not {EXTENDED} at its end")
+    for key, value in row.items():
+        check(key not in keys, f"unknown key {key}; there are {', '.join(keys)}")
+        kind, _, inner = keys[key].type.partition("[")
+        good = isinstance(value, {"str": str, "int": int, "tuple": list, "dict": dict}[kind])
+        if good and inner:
+            item = list if "list" in inner else int if "int" in inner else str
+            good = all(isinstance(one, item) for one in (value.values() if kind == "dict" else value))
+        check(not good, f"{key} = {value!r} is no {keys[key].type}")
+    for key, one in keys.items():
+        needed = one.default is MISSING and one.default_factory is MISSING
+        check(needed and key not in row, f"the key {key} is missing")
+    family, config, flash = row["family"], row["config"], row.get("flash", {})
+    check(family not in PIN_FILES, f"unknown family {family}; there are {', '.join(PIN_FILES)}")
+    check(config not in configurations(), f"unknown config {config}; there are {', '.join(configurations())}")
+    die = any(word.startswith("family=") for word in row["device"])
+    check(family == "gowin" and not die, "device has no family=DIE after --vopt")
+    free = [name for name, _ in CARD_PARAMETER.findall(without_comments(CARD)) if name not in FOLLOWING]
+    for parameter in row.get("parameters", {}):
+        check(parameter not in free, f"unknown parameter {parameter}; there are {', '.join(free)}")
+    check(flash and flash.keys() != FLASH, f"flash has {', '.join(sorted(FLASH))}")
+    return Board(
+        name,
+        row_file,
+        **{key: tuple(value) if isinstance(value, list) else value for key, value in row.items()},
+    )
+
+
+def read(path: Path) -> dict:
+    try:
+        return tomllib.loads(path.read_text())
+    except OSError as error:
+        raise SourcesError(f"{path}: {error.strerror}") from None
+    except (tomllib.TOMLDecodeError, UnicodeDecodeError) as error:
+        raise SourcesError(f"{path}: {error}") from None
+
+
 def boards() -> dict[str, Board]:
-    rows = tomllib.loads(TABLE.read_text())
-    return {
-        name: Board(
-            name, **{key: tuple(value) if isinstance(value, list) else value for key, value in row.items()}
-        )
-        for name, row in rows.items()
-    }
+    return {name: from_row(name, TABLE, row) for name, row in read(TABLE).items()}
 
 
 def extended(entry: Board) -> Board:
@@ -202,12 +302,21 @@ def extended(entry: Board) -> Board:
 
 
 def board(name: str) -> Board:
-    """A board by its name, of either kind."""
-    known = boards()
-    if name.removesuffix(EXTENDED) not in known:
+    """A board by its name or by the .toml file of its row, of either kind."""
+    plain = name.removesuffix(EXTENDED)
+    if plain.endswith(".toml"):
+        path = Path(plain).resolve()
+        rows = read(path)
+        if [type(row) for row in rows.values()] != [dict]:
+            raise SourcesError(f"{path}: {len(rows)} keys at the top, but one table is a board")
+        (row,) = rows.values()
+        entry = from_row(path.stem, path, row)
+    elif plain in (known := boards()):
+        entry = known[plain]
+    else:
         there = f"there are: {', '.join(known)}, each with {EXTENDED} after it, too"
-        raise SourcesError(f"no board {name!r} in {TABLE.relative_to(ROOT)}; {there}")
-    return replace(known[name.removesuffix(EXTENDED)], name=name)
+        raise SourcesError(f"no board {name!r} in {TABLE.relative_to(ROOT)}; {there}, or FOLDER/NAME.toml")
+    return extended(entry) if plain != name else entry
 
 
 def ports(path: Path) -> dict[str, str]:
@@ -241,11 +350,13 @@ def wrongly_set(pin: Pin, direction: str, family: str, standard: str = STANDARD)
     if not has:
         return []
     wrong = []
-    pulled = direction == "input" and pin.port != "clk"
+    # A switch that closes to the supply may be pulled down, which an iCE40 cannot do.
+    to_supply = pin.port.startswith(("sw_baud[", "sw_addr["))
+    pulled = direction == "input" and pin.port != "clk" and not to_supply
     pull = has.pop("PULLMODE", "not set")
     if pulled and pull != "UP":
         wrong.append(f"has no pull-up (PULLMODE {pull})")
-    if not pulled and pull not in OPEN:
+    if not pulled and pull not in (*OPEN, *["DOWN"] * to_supply):
         wrong.append(f"is pulled (PULLMODE {pull})")
     if family in STRENGTHS:
         if (found := has.pop("IO_TYPE", "not set")) != standard:
@@ -304,11 +415,18 @@ def without_outputs(entry: Board) -> list[int]:
 
 def functions(entry: Board) -> dict[str, str]:
     """Special functions of MachXO2 and Gowin pins; empty for the other families."""
+    try:
+        return _functions(entry)
+    except (KeyError, AttributeError, OSError):
+        raise SourcesError(f"{entry.name}: the tools' database has no part {entry.part}") from None
+
+
+def _functions(entry: Board) -> dict[str, str]:
     if entry.family == "gowin":
         return {site: names for site, (_, names) in gowin_pads(entry.gowin_die, entry.part).items() if names}
     if entry.family != "machxo2":
         return {}
-    device, package = re.fullmatch(r"(LCMXO\w+-\d+)\w*-\d([A-Z]+\d+)[A-Z]", entry.part).groups()
+    device, kind, count = re.fullmatch(r"(LCMXO\w+-\d+)\w*-\d([A-Z]+)(\d+)[A-Z]", entry.part).groups()
     folder = package_folder("yowasp_nextpnr_machxo2") / "share/trellis/database/MachXO2" / device
     database = json.loads((folder / "iodb.json").read_text())
     known = {
@@ -316,7 +434,7 @@ def functions(entry: Board) -> dict[str, str]:
         for cell in database["pio_metadata"]
         if "function" in cell
     }
-    sites = database["packages"][PACKAGES[package]]
+    sites = database["packages"][PACKAGES[kind] + count]
     return {
         site: known[place]
         for site, cell in sites.items()
@@ -339,27 +457,31 @@ def misplaced(entry: Board, pins: list[Pin]) -> list[str]:
     ]
 
 
-def wired(pin: Pin) -> str | None:
+def wired(entry: Board, pin: Pin) -> str:
     """The other end of a port, with its place on the board if the pin file gives it."""
     name, _, number = pin.port.partition("[")
-    if name not in WIRED:
-        return None
-    return WIRED[name].format(n=number.rstrip("]")) + (f"; {pin.remark}" if pin.remark else "")
+    low = name.endswith("_n")
+    rail, level = ("ground", "low") if low else ("3.3 V", "high")
+    if name in entry.held:
+        said = f"held {('low', 'high')[entry.held[name]]}"
+    else:
+        said = WIRED.get(name) or WIRED[name.removesuffix("_n")]
+    said = said.format(n=number.rstrip("]"), rail=rail, level=level)
+    return said + (f"; {pin.remark}" if pin.remark else "")
 
 
 def problems(entry: Board) -> list[str]:
-    """Contradictions between one board's files."""
+    """Contradictions between a board's row and its pin file."""
+    pins = entry.pins()
     text = entry.pin_file.read_text()
     suffix = entry.pin_file.suffix
     wanted = ports(entry.wrapper)
-    pins = entry.pins()
     placed = [pin.port for pin in pins]
     wrong = [f"port {port} has no pin" for port in wanted if port not in placed]
     wrong += [f"there is no port {port}" for port in sorted(set(placed) - set(wanted))]
     wrong += [f"port {port} has two pins" for port in _twice(placed)]
     wrong += [f"pin {site} is used twice" for site in _twice([pin.site for pin in pins])]
     wrong += misplaced(entry, pins)
-    wrong += [f"the other end of {pin.port} is unknown" for pin in pins if wired(pin) is None]
     if suffix in LINES:
         buffers = [port for port, _ in LINES[suffix][1].findall(text)]
         wrong += [f"port {port} has no buffer line" for port in wanted if port not in buffers]
@@ -371,49 +493,29 @@ def problems(entry: Board) -> list[str]:
                 f"{wanted[pin.port]} {pin.port} {line}"
                 for line in wrongly_set(pin, wanted[pin.port], entry.family, standard(entry, pin.site))
             ]
-
-    default = re.search(r"\bCLK_HZ = ([\d_]+)", entry.wrapper.read_text())
     wrong += [
         f"bank {bank} has inputs alone, so gowin_pack takes it for 1.2 V" for bank in without_outputs(entry)
     ]
 
-    # A .cst cannot name the clock's frequency; constraints/synth.py gives that of boards.toml to nextpnr.
+    # A .cst cannot name the clock's frequency; constraints/synth.py gives that of the row to nextpnr.
     clocks = [round(float(mhz) * 1e6) for mhz in CLOCKS[suffix].findall(text)] if suffix in CLOCKS else None
     if clocks not in (None, [entry.clk_hz]):
-        wrong.append(f"the pin file asks for a clock of {clocks} Hz, boards.toml for {entry.clk_hz}")
-    if default is None or int(default[1]) != entry.clk_hz:
-        wrong.append(f"the wrapper's CLK_HZ is not the {entry.clk_hz} of boards.toml")
-    if entry.clk_hz < configurations()[entry.config]["clk_hz"]:
+        wrong.append(f"the pin file asks for a clock of {clocks} Hz, the row for {entry.clk_hz}")
+    if entry.clk_hz < configuration(entry.config)["clk_hz"]:
         wrong.append(f"{entry.clk_hz} Hz are too slow for the configuration {entry.config}")
-
-    code = without_comments(entry.wrapper)
-    instance = re.search(rf"\brtu2fc\s*#(.*?)\)\s*{CARD_INSTANCE}\s*\((.*?)\);", code, re.DOTALL)
-    settings, body = instance.groups() if instance else ("", "")
-    wrong += wrong_settings(entry, dict(CONNECTED.findall(settings)))
-    joined = CONNECTED.findall(body)
-    card_ports = {port.split("[")[0] for port in ports(CARD)}
-    wrong += [
-        f"the card's port {port} is not connected"
-        for port in sorted(card_ports - {p for p, w in joined if w})
-    ]
     return [f"{entry.name}: {line}" for line in wrong]
 
 
-def wrong_settings(entry: Board, settings: dict[str, str]) -> list[str]:
-    """Parameters of the card that the wrapper leaves open, or sets to another value than boards.toml."""
-    wanted = {name: name for name in ("CLK_HZ", "FIRMWARE_HEX", "EXTENDED_SWITCHES")}
-    wanted |= {
-        "SOFT_CORE": str(configurations()[entry.config]["soft_core_id"]),
-        "LOCKSTEP": str(entry.lockstep),
-        "MEMORY_BYTES": str(4 * entry.memory_words),
-    }
-    named = CARD_PARAMETER.findall(without_comments(CARD))
-    wrong = [f"the wrapper leaves the card's {name} open" for name in named if name not in settings]
-    return wrong + [
-        f"the wrapper's {name} is {settings[name]} and not {value}"
-        for name, value in wanted.items()
-        if settings.get(name, value) != value
+def unfinished(entry: Board) -> list[str]:
+    """What a board of ours lacks, although it can be built."""
+    missing = [
+        f"the key {key} is missing, for docs/guide/hardware.md" for key in SHOWN if not getattr(entry, key)
     ]
+    if f'"{entry.name}":' not in WITNESS.read_text():
+        missing.append(f"{shown(WITNESS)} has no pins of it, typed from its document")
+    if entry.family == "machxo2" and not entry.flash:
+        missing.append("the key flash is missing, so it gets no .jed")
+    return [f"{entry.name}: {line}" for line in missing]
 
 
 # ---------------------------------------------------------------- docs/reference/pins.md
@@ -434,7 +536,7 @@ def pin_row(entry: Board, pin: Pin, direction: str) -> str:
         standard,
         {"UP": "up"}.get(has.get("PULLMODE", ""), "none"),
         drive if direction == "output" else "",
-        wired(pin) or "",
+        wired(entry, pin),
     ]
     return f"| {' | '.join(cells)} |"
 
@@ -455,11 +557,37 @@ and slope of an output, fixed on iCE40. The circuit around the pins is in
     return text
 
 
+def uses() -> str:
+    lines = ["| board | for | switches | LEDs | transceivers |", "|---|---|---|---|---|"]
+    for name, entry in boards().items():
+        lines.append(f"| `{name}` | {entry.use} | {entry.switches} | {entry.leds} | {entry.transceivers} |")
+    return "\n".join(lines)
+
+
+def commands() -> str:
+    lines = ["| board | command | stays after power-off |", "|---|---|---|"]
+    for name, entry in boards().items():
+        for when, (command, stays) in zip(("first", "then"), entry.load, strict=False):
+            order = f", {when}" if len(entry.load) > 1 else ""
+            lines.append(f"| `{name}`{order} | {command} | {stays} |")
+    return "\n".join(lines)
+
+
+# Tables of docs/guide/hardware.md, which tools/handbook.py writes.
+BLOCKS = {"boards": uses, "load-commands": commands}
+
+
 def main() -> int:
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("--check", action="store_true", help="compare instead of writing")
     args = parser.parse_args()
     wrong = [line for entry in boards().values() for line in problems(entry)]
+    if args.check:
+        wrong += [line for entry in boards().values() for line in unfinished(entry)]
+        pin_files = [path for kind in set(PIN_FILES.values()) for path in TABLE.parent.glob(f"*.{kind}")]
+        wrong += [
+            f"{shown(path)} has no row in boards.toml" for path in pin_files if path.stem not in boards()
+        ]
     if not wrong and not args.check:
         DOCS.write_text(pin_tables())
         print(f"wrote {DOCS.relative_to(ROOT)}: {len(boards())} boards")
@@ -471,4 +599,4 @@ def main() -> int:
 
 
 if __name__ == "__main__":
-    run_main("pins", main)
+    run_main("pins", main, SourcesError)

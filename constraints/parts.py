@@ -3,9 +3,6 @@
 
 from __future__ import annotations
 
-import re
-from pathlib import Path
-
 from constraints import flow
 from rtl.sources import ROOT, card_files, configurations, rtl_files
 
@@ -109,13 +106,7 @@ write_json {relative}/part.json
     flow.without_loose_inputs(folder / "part.json")
     command = [f"yowasp-nextpnr-{family}", *options, "--json", f"{relative}/part.json", "--pack-only"]
     flow.tool(command, folder / "part.nextpnr.log")
-    return utilisation(folder / "part.nextpnr.log", family)
-
-
-def utilisation(log: Path, family: str) -> dict[str, int]:
-    """Reads the figures that nextpnr prints after packing."""
-    found = dict(re.findall(r"^Info:\s+(\w+):\s+(\d+)/", log.read_text(), re.MULTILINE))
-    used = {kind: int(count) for kind, count in found.items()}
+    used = flow.utilisation((folder / "part.nextpnr.log").read_text())
     return {"cells": flow.cells(used, family), "brams": used.get(flow.BRAMS[family], 0)}
 
 

@@ -22,7 +22,7 @@ import sys
 from pathlib import Path
 
 from constraints import flow, image, parts
-from constraints.boards import TABLE, Board, board, boards
+from constraints.boards import Board, board, boards, problems
 from rtl.command import Parser, run_main
 from rtl.report_page import evidence, publish
 from rtl.sources import ROOT, SourcesError, card_files, configurations
@@ -42,6 +42,8 @@ def route(entry: Board, folder: Path) -> tuple[int, dict]:
     for seed in entry.seeds:
         try:
             report = flow.place_and_route(entry, folder, entry.top, seed)
+        except flow.NoSeedHelps as error:
+            raise flow.NoSeedHelps(f"{entry.name}: {error}") from None
         except flow.SynthError as error:
             print(f"{entry.name}: seed {seed}: {error}", flush=True)
             continue
@@ -79,7 +81,9 @@ def build(entry: Board) -> dict:
     counted = flow.synthesise(entry, folder, flow.pattern_file(entry), entry.top)
     seed, report = route(entry, folder)
     fmax = flow.fmax_mhz(report)
-    used = {kind: row["used"] for kind, row in report["utilization"].items()}
+    used, there = (
+        {kind: row[what] for kind, row in report["utilization"].items()} for what in ("used", "available")
+    )
     flow.made_from_file(entry).write_text(f"{sources}\n")
     output = image.make(entry, entry.firmware, folder / f"firmware{image.result_suffix(entry)}")
     return {
@@ -88,9 +92,9 @@ def build(entry: Board) -> dict:
         "lut4": sum(n for cell, n in counted.items() if re.fullmatch(r"SB_LUT4|LUT[1-4]", cell)),
         "ff": sum(n for cell, n in counted.items() if cell.startswith(("SB_DFF", "TRELLIS_FF", "DFF"))),
         "cells": flow.cells(used, entry.family),
-        "cells_of": entry.cells,
+        "cells_of": entry.cells or there[next(iter(flow.CELLS[entry.family]))],
         "brams": used[flow.BRAMS[entry.family]],
-        "brams_of": entry.brams,
+        "brams_of": entry.brams or there[flow.BRAMS[entry.family]],
         "fmax_mhz": round(fmax, 2),
         "clk_mhz": entry.clk_hz / 1e6,
         "seed": seed,
@@ -152,7 +156,7 @@ def measured_files() -> list[Path]:
     files = {path: None for config in configurations() for path in card_files(config)}
     for entry in boards().values():
         files |= {entry.wrapper: None, entry.pin_file: None}
-    return [*files, TABLE]
+    return [*files]
 
 
 def measured_from() -> str:
@@ -161,7 +165,8 @@ def measured_from() -> str:
     for path in measured_files():
         content.update(flow.bare(path))
     modules = [(*part, sorted(stay)) for *part, stay in parts.PARTS]
-    content.update(repr([flow.SYNTHESIS, parts.PLAIN, modules, flow.tool_versions()]).encode())
+    rows = [[*flow.row(entry), entry.cells, entry.brams, entry.seeds] for entry in boards().values()]
+    content.update(repr([rows, flow.SYNTHESIS, parts.PLAIN, modules, flow.tool_versions()]).encode())
     return content.hexdigest()[:16]
 
 
@@ -216,6 +221,10 @@ def main() -> int:
     results = {"boards": {}, "parts": {}}
     for entry in chosen:
         try:
+            if said := problems(entry):
+                wrong += said
+                continue
+            flow.try_pins(entry, flow.BUILD / entry.name)
             row = build(entry)
         except (flow.SynthError, SourcesError, image.ImageError) as error:
             wrong.append(str(error))

@@ -13,7 +13,7 @@ from pathlib import Path
 
 import pytest
 
-from constraints import flow, image, jedec, synth
+from constraints import flow, image, synth
 from constraints.boards import Board, boards
 from constraints.image_bench import random_image, refused, sealed_image
 from constraints.test_jedec import check_decoded
@@ -60,7 +60,7 @@ def test_bitstream_equals_a_full_build(family, other_folder):
     firmware = folder / "other.hex"
     firmware.write_text(sealed_image(entry, 2).upper())
     patched = image.make(entry, firmware, folder / "patched")
-    if jedec.flash_of(entry):
+    if entry.flash:
         # The configuration keeps no pin either: as in the FEABITS, SDM_PORT is off, and so not named.
         assert "SYSCONFIG" not in check_decoded(entry, patched, firmware)
 
@@ -303,10 +303,10 @@ def test_check_sums_are_found_at_the_end_of_the_program():
 
 @pytest.fixture
 def finished(other_folder, monkeypatch, tmp_path) -> Board:
-    """A board in copied files, and a stand-in for the design made from them."""
-    entry = BOARDS["ulx3s-25"]
-    shutil.copytree(ROOT / "constraints" / entry.name, tmp_path / "constraints" / entry.name)
-    monkeypatch.setattr("constraints.boards.FOLDER", tmp_path / "constraints")
+    """A board with a copied pin file, and a stand-in for the design made from it."""
+    entry = replace(BOARDS["ulx3s-25"], row_file=tmp_path / "boards.toml")
+    shutil.copy(BOARDS["ulx3s-25"].pin_file, tmp_path)
+    monkeypatch.setattr("constraints.boards.BUILD", tmp_path / "boards")
     plant_build(monkeypatch)
     synth.build(entry)
     return entry
@@ -320,7 +320,7 @@ def plant_build(monkeypatch) -> None:
         (folder / f"{name}.config").write_text(
             "".join(configuration(pattern[at : at + 512]) for at in range(0, len(pattern), 512))
         )
-        used = {"used": 1}
+        used = {"used": 1, "available": 1}
         return {"fmax": {"clk": {"achieved": 90.0}}, "utilization": {"TRELLIS_COMB": used, "DP16KD": used}}
 
     monkeypatch.setattr(flow, "synthesise", lambda *what: {"LUT4": 1})
@@ -370,6 +370,5 @@ def test_a_design_of_other_sources_is_refused(finished, hex_file, monkeypatch, t
 
 
 def test_changed_comment_keeps_the_design_valid(finished, hex_file, tmp_path):
-    for path, mark in ((finished.wrapper, "//"), (finished.pin_file, "#")):
-        path.write_text(f"{mark} Another remark.\n{path.read_text()}")
+    finished.pin_file.write_text(f"# Another remark.\n{finished.pin_file.read_text()}")
     assert image.make(finished, hex_file(sealed_image(finished, 5)), tmp_path / "out").exists()

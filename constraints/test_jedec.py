@@ -147,10 +147,8 @@ def test_a_stream_that_the_flash_cannot_take_is_refused(content, message):
 
 
 def test_every_machxo2_and_no_other_board_gets_a_jed():
-    known = {name for name, entry in boards().items() if jedec.flash_of(entry)}
-    assert known == {name for name, entry in boards().items() if entry.family == "machxo2"}
-    assert known == {"card-xo2-1200"}
-    assert jedec.flash_of(replace(BOARD, part="LCMXO2-1200ZE-1TG144I")) is None
+    flashes = {name: entry.flash for name, entry in boards().items() if entry.flash}
+    assert flashes == {"card-xo2-1200": {"idcode": IDCODE, "pages": PAGES, "user_pages": USER_PAGES}}
 
 
 # ---------------------------------------------------------------- a design, packed and decoded again
@@ -225,7 +223,7 @@ def random_design(entry: Board, folder: Path, name: str, seed: int) -> dict:
         rows = "\n".join(" ".join(raw[at : at + 8]) for at in range(0, len(raw), 8))
         text += f".bram_init {number}\n{rows}\n\n"
     (folder / f"{name}.config").write_text(text)
-    used = {"used": 1}
+    used = {"used": 1, "available": 1}
     return {"fmax": {"clk": {"achieved": 90.0}}, "utilization": {"TRELLIS_COMB": used, "DP8KC": used}}
 
 
@@ -249,13 +247,13 @@ def test_the_decoded_jed_is_what_was_packed(packed):
 
 
 @pytest.mark.nightly("synth")
-def test_a_design_too_large_for_the_flash_leaves_nothing(packed, monkeypatch):
-    monkeypatch.setattr(jedec, "FLASHES", {"LCMXO2-1200HC": jedec.Flash(IDCODE, 100, 0)})
+def test_a_design_too_large_for_the_flash_leaves_nothing(packed):
+    small = replace(BOARD, flash=BOARD.flash | {"pages": 100, "user_pages": 0})
     output = packed.parent / "large.bit"
     with pytest.raises(
         image.ImageError, match=r"^build/\S+/image.bit: the bitstream takes \d+ pages, but the"
     ):
-        image.make(BOARD, packed.with_suffix(".hex"), output)
+        image.make(small, packed.with_suffix(".hex"), output)
     assert not output.exists() and not output.with_suffix(".jed").exists()
 
 

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Writes what programs make in the guides: examples, what masters printed, tables of the dialects.
+"""Writes what programs make in the guides: examples, what masters printed, tables of dialects and boards.
 
     python -m tools.handbook            writes the blocks into the pages of docs/guide/handbook
     python -m tools.handbook --check    exits 1 and names every outdated page
@@ -16,6 +16,7 @@ from collections.abc import Callable
 from pathlib import Path
 
 from campaigns.masters import page as masters
+from constraints import boards
 from rtl.command import run_main, write_files
 from rtl.sources import ROOT
 from tools import dialect_tables
@@ -30,6 +31,7 @@ BLOCKS: dict[str, Callable[[], str]] = {
     "examples": worked_examples,
     **masters.tables(),
     **dialect_tables.BLOCKS,
+    **boards.BLOCKS,
 }
 
 

@@ -89,11 +89,9 @@ def source_files() -> list[Path]:
 
 
 def hand_written_verilog() -> list[Path]:
-    others = [
-        path
-        for folder in ("constraints", "docs", "sim", "tb")
-        for path in sorted((ROOT / folder).rglob("*.v"))
-    ]
+    """Also the boards' wrappers, which are made in the same style."""
+    others = [path for folder in ("docs", "sim", "tb") for path in sorted((ROOT / folder).rglob("*.v"))]
+    others += [entry.wrapper for entry in boards().values()]
     return [path for path in rtl_files() if "generated" not in path.parts] + others
 
 
@@ -214,7 +212,7 @@ def half_rules(rules: dict[str, str], tests: dict[str, str]) -> list[str]:
 
 
 def half_made() -> list[str]:
-    """Campaigns, rules, dialects, options and boards of which a part is missing."""
+    """Campaigns, rules, dialects and options of which a part is missing; boards: constraints.boards."""
     rules = trace.read_rules()
     tests = {name(path): path.read_text() for path in source_files() if path.name.startswith("test_")}
     wrong = half_campaigns() + half_rules(rules, tests)
@@ -231,8 +229,7 @@ def half_made() -> list[str]:
             f"requirements.md ({rule})": {d} if rule in rules else (),
         }
         wrong += [f"dialect {d}: no row in {part}" for part, rows in parts.items() if d not in rows]
-    files = {board.name: board.pin_file for board in boards().values()}
-    return wrong + [f"board {b}: no {name(file)}" for b, file in files.items() if not file.exists()]
+    return wrong
 
 
 def registers() -> list[str]:
