@@ -63,6 +63,14 @@ reg g_asked_regs = 1'b0;
 reg g_core_rst = 1'b1;
 reg [31:0] g_status = 32'd0;  // what the firmware asked for, as it was then
 reg [7:0] g_events = 8'd0;  // that happened and were not cleared
+// From regs/mailbox.rdl by make regs: fields
+wire [63:0] g_shown = g_events << 32 | ticket << 0 | is_candidate << 4 | is_committed << 5 | frame_broadcast << 6 |
+    frame_bank << 7 | telegram_queued << 8 | drive_sending << 9 | telegram_started << 10 | drive_candidate << 11 |
+    drive_good << 12 | loopback_open << 13 | loopback_heard << 14 | stop_due << 15 | frame_length << 16 | frame_length
+    << 48 | ticks << 24 | ticks << 56 | restarts << 40;
+wire [7:0] g_happens = count_crc << 0 | count_parity << 1 | count_framing << 2 | count_t15 << 3 | count_overrun << 4 |
+    revoke << 5 | count_foreign << 6 | drive_bad << 7;
+// end of fields
 
 always @(posedge clk) begin
   g_was_sending <= drive_sending;
@@ -72,15 +80,8 @@ always @(posedge clk) begin
   if (g_reply) g_answer <= regs_wdata[5:0];
   g_asked_regs <= regs_valid && !regs_write;
   g_core_rst <= core_rst;
-  g_status <= {
-    ticks,
-    frame_length,
-    regs_word[0] ? restarts : {stop_due, loopback_heard, loopback_open, drive_good, drive_candidate, telegram_started,
-    drive_sending, telegram_queued},
-    regs_word[0] ? g_events : {frame_bank, frame_broadcast, is_committed, is_candidate, ticket}
-  };
-  g_events <= (g_write && regs_word == 3'd1 ? g_events & ~regs_wdata[7:0] : g_events) |
-      {drive_bad, count_foreign, revoke, count_overrun, count_t15, count_framing, count_parity, count_crc};
+  g_status <= regs_word[0] ? g_shown[63:32] : g_shown[31:0];
+  g_events <= (g_write && regs_word == 3'd1 ? g_events & ~regs_wdata[7:0] : g_events) | g_happens;
 end
 
 always @* begin

@@ -79,7 +79,7 @@ def having(**traits: int | bool) -> tuple[str, ...]:
     return tuple(name for name, one in DIALECTS.items() if traits.items() <= one.traits.items())
 
 
-(STANDARD,) = having(bad_function=1)  # the dialect with the exception codes of the Modbus standard
+STANDARD, *_ = having(bad_function=1)  # the first dialect with the exception codes of the Modbus standard
 STANDARD_DRIVE = DIALECTS[STANDARD].profiles[0]
 
 
@@ -187,20 +187,19 @@ ROWS = {
 }
 
 
-def with_rows(path: str) -> str:
+def with_rows(path: str, name: str, rows: list[str], source: str = TABLE) -> str:
     """A file with its rows made anew."""
-    name, rows = ROWS[path]
     place = rf"(^.*by make regs: {name}\b.*\n)(?:.*\n)*?(?=.*end of {name}\b)"
     text, count = re.subn(
         place,
-        lambda found: found[1] + "".join(f"{line}\n" for line in rows()),
+        lambda found: found[1] + "".join(f"{line}\n" for line in rows),
         (ROOT / path).read_text(encoding="utf-8"),
         flags=re.MULTILINE,
     )
     if count != 1:
-        raise ValueError(f"{path} has no place for the rows of {TABLE}")
+        raise ValueError(f"{path} has no place for the rows of {source}")
     return text
 
 
 def generate() -> dict[str, str]:
-    return {path: with_rows(path) for path in ROWS}
+    return {path: with_rows(path, name, rows()) for path, (name, rows) in ROWS.items()}

@@ -18,6 +18,7 @@ import math
 import re
 import sys
 import tempfile
+import textwrap
 import tomllib
 from collections.abc import Iterable
 from pathlib import Path
@@ -187,11 +188,13 @@ def python_constants(registers: Map) -> str:
         "",
         "@dataclass(frozen=True)",
         "class Field:",
-        '    """One field; reset is None if it has none."""',
+        '    """One field; reset is None if it has none, and so is its port of rtl/mailbox_regs.v."""',
         "",
         "    bit: int",
         "    width: int",
         "    reset: int | None",
+        "    port: str | None = None",
+        "    pulse: bool = False",
         "",
         "    def get(self, word: int) -> int:",
         '        """The field\'s value inside a register word."""',
@@ -251,9 +254,11 @@ def python_constants(registers: Map) -> str:
         lines += [f'    "{reg.inst_name}": Register(', f"        0x{reg.address_offset:02X},"]
         lines += [f"        {reg.size},", "        {"]
         for field in reg.fields():
-            reset = field_reset(field)
-            reset_text = "None" if reset is None else f"0x{reset:X}"
-            lines.append(f'            "{field.inst_name}": Field({field.low}, {field.width}, {reset_text}),')
+            reset, port = field_reset(field), field.get_property("port", default=None)
+            values = f"{field.low}, {field.width}, {'None' if reset is None else f'0x{reset:X}'}"
+            values += f', "{port}"' if port else ""
+            values += ", pulse=True" if field.get_property("singlepulse") else ""
+            lines.append(f'            "{field.inst_name}": Field({values}),')
         lines += ["        },", "    ),"]
     lines += ["}", "", "# Named values of the field of a register.", "VALUES = {"]
     for reg in registers.registers:
@@ -269,6 +274,40 @@ def python_constants(registers: Map) -> str:
         )
     lines.append("}")
     return "\n".join(lines) + "\n"
+
+
+def verilog_fields(registers: Map) -> tuple[list[str], list[str]]:
+    """Lines for the proofs: what is read, and the ports of the written fields with the values that they get.
+
+    A byte of the second word without a register repeats that of the first. The events have flags: g_events.
+    """
+    shown, happens = ["g_events << 32"], []
+    written: dict[str, dict[str, str]] = {"pulses": {}, "kept": {}, "fields": {}}
+    offsets = {reg.address_offset for reg in registers.registers}
+    for field in (field for reg in registers.registers for field in reg.fields()):
+        reg = field.parent
+        at, port = reg.address_offset, field.get_property("port", default=None)
+        bits = f"wdata[{field.high}:{field.low}]"
+        if field.get_property("onwrite"):
+            happens.append(f"{port} << {field.low}")
+        elif reg.size == 1:
+            again = at < WORD_BYTES and at + WORD_BYTES not in offsets
+            shown += [f"{port} << {8 * place + field.low}" for place in (at, at + WORD_BYTES)[: 1 + again]]
+        elif field.get_property("singlepulse"):
+            written["pulses"][port] = f"word == 3'd{at // WORD_BYTES} && {bits}"
+        elif port:
+            written["fields" if field_reset(field) is None else "kept"][port] = bits
+    read = [f"wire [63:0] g_shown = {' | '.join(shown)};", f"wire [7:0] g_happens = {' | '.join(happens)};"]
+    order = [
+        f"wire [31:0] g_{name}{end} = {{{', '.join(values)}}};"
+        for name, ports in written.items()
+        for end, values in (("", ports.keys()), ("_data", ports.values()))
+    ]
+    return wrapped(read), wrapped(order)
+
+
+def wrapped(lines: list[str]) -> list[str]:
+    return [part for line in lines for part in textwrap.wrap(line, 118, subsequent_indent="    ")]
 
 
 # ---------------------------------------------------------------- card tables
@@ -639,6 +678,10 @@ def generate() -> dict[str, str]:
     }
     files |= {name: with_version(name, pattern) for name, pattern in PACKAGES.items()}
     files |= dialects.generate() | fc.generate()
+    read, written = verilog_fields(registers)
+    for name, rows in (("mailbox", read), ("mailbox_regs", read + written)):
+        path = f"formal/{name}_props.vh"
+        files[path] = dialects.with_rows(path, "fields", rows, RDL)
     lists = core_lists()
     for path in (*sorted(ROOT.glob("*.core")), ROOT / EXAMPLE):
         files[str(path.relative_to(ROOT))] = with_version_and_list(path, lists.get(path.stem))

@@ -7,11 +7,13 @@ from dataclasses import dataclass
 
 @dataclass(frozen=True)
 class Field:
-    """One field; reset is None if it has none."""
+    """One field; reset is None if it has none, and so is its port of rtl/mailbox_regs.v."""
 
     bit: int
     width: int
     reset: int | None
+    port: str | None = None
+    pulse: bool = False
 
     def get(self, word: int) -> int:
         """The field's value inside a register word."""
@@ -70,60 +72,60 @@ REGISTERS = {
         0x00,
         1,
         {
-            "ticket": Field(0, 4, 0x0),
-            "candidate": Field(4, 1, 0x0),
-            "committed": Field(5, 1, 0x0),
-            "broadcast": Field(6, 1, 0x0),
-            "bank": Field(7, 1, 0x0),
+            "ticket": Field(0, 4, 0x0, "ticket"),
+            "candidate": Field(4, 1, 0x0, "is_candidate"),
+            "committed": Field(5, 1, 0x0, "is_committed"),
+            "broadcast": Field(6, 1, 0x0, "frame_broadcast"),
+            "bank": Field(7, 1, 0x0, "frame_bank"),
         },
     ),
     "EXCHANGE": Register(
         0x01,
         1,
         {
-            "queued": Field(0, 1, 0x0),
-            "sending": Field(1, 1, 0x0),
-            "started": Field(2, 1, 0x0),
-            "candidate": Field(3, 1, 0x0),
-            "good": Field(4, 1, 0x0),
-            "loopback": Field(5, 1, 0x0),
-            "heard": Field(6, 1, 0x0),
-            "stop_due": Field(7, 1, 0x0),
+            "queued": Field(0, 1, 0x0, "telegram_queued"),
+            "sending": Field(1, 1, 0x0, "drive_sending"),
+            "started": Field(2, 1, 0x0, "telegram_started"),
+            "candidate": Field(3, 1, 0x0, "drive_candidate"),
+            "good": Field(4, 1, 0x0, "drive_good"),
+            "loopback": Field(5, 1, 0x0, "loopback_open"),
+            "heard": Field(6, 1, 0x0, "loopback_heard"),
+            "stop_due": Field(7, 1, 0x0, "stop_due"),
         },
     ),
     "LENGTH": Register(
         0x02,
         1,
         {
-            "bytes": Field(0, 8, 0x0),
+            "bytes": Field(0, 8, 0x0, "frame_length"),
         },
     ),
     "TIME": Register(
         0x03,
         1,
         {
-            "ticks": Field(0, 8, 0x0),
+            "ticks": Field(0, 8, 0x0, "ticks"),
         },
     ),
     "EVENTS": Register(
         0x04,
         1,
         {
-            "crc": Field(0, 1, 0x0),
-            "parity": Field(1, 1, 0x0),
-            "framing": Field(2, 1, 0x0),
-            "t15": Field(3, 1, 0x0),
-            "overrun": Field(4, 1, 0x0),
-            "revoked": Field(5, 1, 0x0),
-            "foreign": Field(6, 1, 0x0),
-            "drive_bad": Field(7, 1, 0x0),
+            "crc": Field(0, 1, 0x0, "count_crc"),
+            "parity": Field(1, 1, 0x0, "count_parity"),
+            "framing": Field(2, 1, 0x0, "count_framing"),
+            "t15": Field(3, 1, 0x0, "count_t15"),
+            "overrun": Field(4, 1, 0x0, "count_overrun"),
+            "revoked": Field(5, 1, 0x0, "revoke"),
+            "foreign": Field(6, 1, 0x0, "count_foreign"),
+            "drive_bad": Field(7, 1, 0x0, "drive_bad"),
         },
     ),
     "RESTARTS": Register(
         0x05,
         1,
         {
-            "count": Field(0, 8, 0x0),
+            "count": Field(0, 8, 0x0, "restarts"),
         },
     ),
     "REPLY": Register(
@@ -131,8 +133,8 @@ REGISTERS = {
         4,
         {
             "length": Field(0, 5, None),
-            "after_drive": Field(5, 1, None),
-            "ticket": Field(8, 4, None),
+            "after_drive": Field(5, 1, None, "reply_after_drive"),
+            "ticket": Field(8, 4, None, "order_ticket"),
         },
     ),
     "TELEGRAM": Register(
@@ -140,21 +142,21 @@ REGISTERS = {
         4,
         {
             "length": Field(0, 5, None),
-            "no_reply": Field(5, 1, None),
+            "no_reply": Field(5, 1, None, "order_no_reply"),
             "action": Field(6, 2, None),
-            "ticket": Field(8, 4, None),
-            "stop": Field(12, 1, None),
-            "early": Field(13, 1, None),
+            "ticket": Field(8, 4, None, "order_ticket"),
+            "stop": Field(12, 1, None, "order_stop"),
+            "early": Field(13, 1, None, "order_early"),
         },
     ),
     "LED": Register(
         0x10,
         4,
         {
-            "modbus_red": Field(0, 1, 0x0),
-            "modbus_green": Field(1, 1, 0x0),
-            "drive_red": Field(2, 1, 0x0),
-            "drive_green": Field(3, 1, 0x0),
+            "modbus_red": Field(0, 1, 0x0, "lit_modbus_red"),
+            "modbus_green": Field(1, 1, 0x0, "lit_modbus_green"),
+            "drive_red": Field(2, 1, 0x0, "lit_drive_red"),
+            "drive_green": Field(3, 1, 0x0, "lit_drive_green"),
         },
     ),
     "LISTEN": Register(
@@ -177,12 +179,12 @@ REGISTERS = {
         0x1C,
         4,
         {
-            "halt": Field(0, 1, None),
-            "loopback": Field(1, 1, None),
-            "watch": Field(2, 1, None),
-            "running": Field(3, 1, None),
-            "ticket": Field(8, 4, None),
-            "period": Field(12, 20, None),
+            "halt": Field(0, 1, 0x0, "halt", pulse=True),
+            "loopback": Field(1, 1, 0x0, "loopback_close", pulse=True),
+            "watch": Field(2, 1, 0x0, "watch_master", pulse=True),
+            "running": Field(3, 1, None, "running"),
+            "ticket": Field(8, 4, None, "order_ticket"),
+            "period": Field(12, 20, None, "period"),
         },
     ),
 }

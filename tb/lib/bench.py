@@ -7,16 +7,25 @@ starts one period later. Icarus 11 loses an `Immediate` write at time 0, so the 
 
 from __future__ import annotations
 
+import re
+
 import cocotb
 from cocotb.clock import Clock
 from cocotb.triggers import ReadOnly, RisingEdge, Timer
 
+from rtl.sources import ROOT
 from tb.agents.uart import now_ps
 
 
 def clock_period_ps(clk_hz: float) -> int:
     """Clock period as an even number of ps, for equal halves: at most 1 ps off, 100 ppm at 100 MHz."""
     return 2 * round(5e11 / clk_hz)
+
+
+def inputs(module: str) -> list[str]:
+    """The inputs of a module of rtl/ but its clock and reset."""
+    found = re.findall(r"^ +input +wire .*?(\w+),?$", (ROOT / f"rtl/{module}.v").read_text(), re.MULTILINE)
+    return [name for name in found if name not in ("clk", "rst")]
 
 
 class Bench:

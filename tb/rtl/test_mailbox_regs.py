@@ -10,46 +10,25 @@ import pytest
 from cocotb.triggers import RisingEdge
 
 from regs.generated.mailbox import REGISTERS, VALUES, Register
-from tb.lib.bench import Bench, Strobes
+from tb.lib.bench import Bench, Strobes, inputs
 from tb.lib.runner import run
 from tb.lib.seeds import seeded
 
-# Field of the map to the input that feeds it.
-SOURCES = {
-    ("TIME", "ticks"): "ticks",
-    ("REQUEST", "ticket"): "ticket",
-    ("REQUEST", "candidate"): "is_candidate",
-    ("REQUEST", "committed"): "is_committed",
-    ("REQUEST", "broadcast"): "frame_broadcast",
-    ("REQUEST", "bank"): "frame_bank",
-    ("LENGTH", "bytes"): "frame_length",
-    ("EXCHANGE", "queued"): "telegram_queued",
-    ("EXCHANGE", "sending"): "drive_sending",
-    ("EXCHANGE", "started"): "telegram_started",
-    ("EXCHANGE", "candidate"): "drive_candidate",
-    ("EXCHANGE", "good"): "drive_good",
-    ("EXCHANGE", "loopback"): "loopback_open",
-    ("EXCHANGE", "heard"): "loopback_heard",
-    ("EXCHANGE", "stop_due"): "stop_due",
-    ("RESTARTS", "count"): "restarts",
-}
-# Event to the strobe that flags it.
-STROBES = {
-    "crc": "count_crc",
-    "parity": "count_parity",
-    "framing": "count_framing",
-    "t15": "count_t15",
-    "overrun": "count_overrun",
-    "revoked": "revoke",
-    "foreign": "count_foreign",
-    "drive_bad": "drive_bad",
-}
 READ = {name: register for name, register in REGISTERS.items() if register.size == 1}
+WRITTEN = {name: register for name, register in REGISTERS.items() if register.size == 4}
 EVENTS = REGISTERS["EVENTS"].fields
-COMMANDS = """
-    order_reply order_telegram order_repeat listen_again listen_stop
-    watchdog_kick halt loopback_close watch_master
-""".split()  # noqa: SIM905
+# Field to the input that feeds it.
+SOURCES = {
+    (name, field): about.port
+    for name, register in READ.items()
+    for field, about in register.fields.items()
+    if name != "EVENTS"
+}
+PULSES = [about.port for register in WRITTEN.values() for about in register.fields.values() if about.pulse]
+COMMANDS = [
+    *("order_reply", "order_telegram", "order_repeat", "listen_again", "listen_stop", "watchdog_kick"),
+    *PULSES,
+]
 ACTIONS = VALUES["TELEGRAM", "action"]
 KEY = REGISTERS["WATCHDOG"].fields["key"].reset
 
@@ -59,8 +38,7 @@ class Firmware:
 
     def __init__(self, dut):
         self.dut = dut
-        inputs = (*SOURCES.values(), *STROBES.values(), "valid", "write", "word", "wdata")
-        self.bench = Bench(dut, **dict.fromkeys(inputs, 0))
+        self.bench = Bench(dut, **dict.fromkeys(inputs("mailbox_regs"), 0))
 
     async def start(self) -> Firmware:
         await self.bench.start()
@@ -91,8 +69,8 @@ class Firmware:
 
     async def event(self, flags: int) -> None:
         for shown in (flags, 0):
-            for name, strobe in STROBES.items():
-                getattr(self.dut, strobe).value = EVENTS[name].get(shown)
+            for about in EVENTS.values():
+                getattr(self.dut, about.port).value = about.get(shown)
             if shown:
                 await self.bench.clocks()
 
@@ -177,24 +155,6 @@ async def events_outlive_a_restart_of_the_firmware(dut):
 
 
 @cocotb.test()
-async def only_its_own_register_lights_a_led(dut):
-    firmware = await Firmware(dut).start()
-
-    def lit() -> dict[str, int]:
-        return {name: int(getattr(dut, f"lit_{name}").value) for name in REGISTERS["LED"].fields}
-
-    for name, register in REGISTERS.items():
-        if name != "LED":
-            await firmware.access(register.offset // 4, 0xFF)
-    assert not any(lit().values())
-    for led in REGISTERS["LED"].fields:
-        await firmware.write("LED", **{led: 1})
-        assert lit() == {other: int(other == led) for other in lit()}
-    await firmware.bench.strobe(dut.rst)
-    assert not any(lit().values())
-
-
-@cocotb.test()
 async def each_command_comes_once_and_from_its_register_alone(dut):
     firmware = await Firmware(dut).start()
     strobes = {name: Strobes(dut, name) for name in COMMANDS}
@@ -251,20 +211,27 @@ async def only_its_key_kicks_the_watchdog(dut):
 
 
 @cocotb.test()
-async def the_supervisor_is_told_one_thing_at_a_time(dut):
+async def each_written_field_reaches_its_port_and_no_other(dut):
+    """A field without a reset value in the clock of the write; one with it until the next write or reset."""
+    rng = seeded("written")
     firmware = await Firmware(dut).start()
-    halts, closes = Strobes(dut, "halt"), Strobes(dut, "loopback_close")
-    await firmware.write("SUPERVISOR")
-    assert (len(halts), len(closes)) == (0, 0)
-    await firmware.write("SUPERVISOR", loopback=1)
-    assert (len(halts), len(closes)) == (0, 1)
-    watches = Strobes(dut, "watch_master")
-    await firmware.write("SUPERVISOR", watch=1, running=1, period=0xFFFFF, ticket=15)
-    assert (len(halts), len(closes), len(watches)) == (0, 1, 1)
-    await firmware.write("SUPERVISOR", running=1, period=0xFFFFF, ticket=15)
-    assert len(watches) == 1
-    await firmware.write("SUPERVISOR", halt=1)
-    assert (len(halts), len(closes)) == (1, 1)
+    pulses = {port: Strobes(dut, port) for port in PULSES}
+    kept: dict[str, int] = {}
+    for register in 20 * list(WRITTEN.values()):
+        word = rng.getrandbits(32)
+        await firmware.access(register.offset // 4, word)
+        values = {about: about.get(word) for about in register.fields.values() if about.port}
+        kept |= {about.port: value for about, value in values.items() if about.reset == 0 and not about.pulse}
+        now = {about.port: value for about, value in values.items() if about.reset is None}
+        assert {port: int(getattr(dut, port).value) for port in kept | now} == kept | now
+        asked = {about.port: 1 for about, value in values.items() if about.pulse and value}
+        assert {port: len(strobe) for port, strobe in pulses.items() if len(strobe)} == asked
+        for strobe in pulses.values():
+            strobe.clear()
+    for register in WRITTEN.values():
+        await firmware.access(register.offset // 4, 0xFFFFFFFF)
+    await firmware.bench.strobe(dut.rst)
+    assert kept and not any(int(getattr(dut, port).value) for port in kept)
 
 
 @pytest.mark.rule("SAFE-1", "FRAME-4", "WDG-1", "LED-5", "LOOP-1")

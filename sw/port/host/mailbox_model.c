@@ -253,8 +253,7 @@ uint32_t mailbox_on_read(struct mailbox *m, uint32_t offset)
     case offsetof(MAILBOX_t, RESTARTS):
         return m->restarts;
     default:
-        m->unknown++;
-        return 0;
+        return m->outside & 0xFFu;
     }
 }
 

@@ -25,7 +25,8 @@ enum mailbox_kind { KIND_NEWEST, KIND_IMAGE, KIND_ONE, KIND_ALL, MAILBOX_KINDS }
 #define MAILBOX_STATE(field) \
     /* time in 1/1200 s; quiet: the pause before a telegram is over (FC-8), and nobody else sends */ \
     /* heard: somebody else's character since power-up (LOOP-1) */ \
-    field(ticks) field(quiet) field(heard) field(loopback) \
+    /* outside: shown by each register that a source outside the mailbox feeds and the model does not know */ \
+    field(ticks) field(quiet) field(heard) field(loopback) field(outside) \
     /* registers that the firmware writes; kicks of the watchdog; accesses that the model does not serve; broken rules */ \
     field(events) field(led) field(halted) field(kicks) field(restarts) field(unknown) field(broken) \
     /* the newest request; request: the number that the judge gave it */ \
