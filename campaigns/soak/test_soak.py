@@ -33,9 +33,8 @@ def each_pair() -> Iterator[Any]:
     """Each dialect with each drive that it fits; `make test` takes the first pair."""
     for name, dialect in DIALECTS.items():
         for profile in dialect.profiles:
-            rules = ["DIALECT-" + name.upper().replace("_", "-")]
             first = name == DEFAULT and profile == dialect.profiles[0]
-            rules += [*EVERYWHERE, "FC-7", "MAP-8"] if first else []
+            rules = ["DIALECT", *(EVERYWHERE if first else ()), *(("FC-7", "MAP-8") if first else ())]
             yield pytest.param(
                 *(name, profile, 60 if first else 50),
                 marks=[pytest.mark.rule(*rules), *([] if first else [pytest.mark.nightly])],

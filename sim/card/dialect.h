@@ -1,6 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// Dialects of the card: firmware image, default drive and wording of the exception codes
-// (DIALECT-CARD, DIALECT-BUILTIN, DIALECT-HVAC-BASIC).
+// Dialects of the card: firmware image, default drive and wording of the exception codes (DIALECT).
 
 #ifndef DIALECT_H
 #define DIALECT_H

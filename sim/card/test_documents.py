@@ -80,7 +80,7 @@ def read(pnu: int, index: int = 0) -> bytes:
 
 
 # ---------------------------------------------------------------- S0: option card, VLT 6000
-@pytest.mark.rule("DIALECT-CARD", "EXC", "MAP-1", "MAP-3", "MAP-5", "MAP-7", "MAP-8")
+@pytest.mark.rule("DIALECT", "EXC", "MAP-1", "MAP-3", "MAP-5", "MAP-7", "MAP-8")
 @pytest.mark.parametrize(
     "steps",
     [
@@ -113,7 +113,7 @@ def test_option_card_on_a_vlt_6000(tmp_path, steps):
     talk(tmp_path, "card", "vlt6000", steps)
 
 
-@pytest.mark.rule("DIALECT-CARD", "EXC")
+@pytest.mark.rule("DIALECT", "EXC")
 def test_option_card_passes_on_what_the_drive_refuses(tmp_path):
     """Exception codes of the drive; code 17 needs a running motor."""
     start = Step(
@@ -144,14 +144,14 @@ def test_option_card_passes_on_what_the_drive_refuses(tmp_path):
 
 
 # ---------------------------------------------------------------- S1: option card, VLT 5000
-@pytest.mark.rule("DIALECT-CARD", "MAP-7")
+@pytest.mark.rule("DIALECT", "MAP-7")
 def test_option_card_on_a_vlt_5000(tmp_path):
     """Examples 4 and 5, the two in this issue of the manual."""
     talk(tmp_path, "card", "vlt5000", steps_of("ex4-write-104", "ex5-read-514"))
 
 
 # ---------------------------------------------------------------- S2: built in, VLT 2800 and VLT 8000
-@pytest.mark.rule("DIALECT-BUILTIN", "MAP-1")
+@pytest.mark.rule("DIALECT", "MAP-1")
 def test_built_in_modbus_of_a_vlt_2800(tmp_path):
     """Appendix: status word by 01, coil 1 by 05, ten coils by 0F, motor current 7.38 A by 10."""
     motor_current = fc.build_parameter(fc.AK_WRITE_DOUBLE, 105, pwe=738)
@@ -171,7 +171,7 @@ def test_built_in_modbus_of_a_vlt_2800(tmp_path):
     talk(tmp_path, "builtin", "vlt2800", steps)
 
 
-@pytest.mark.rule("DIALECT-BUILTIN")
+@pytest.mark.rule("DIALECT")
 def test_built_in_modbus_of_a_vlt_8000(tmp_path):
     """514, a log element by register 40009, texts without a switch, the drive's own codes."""
     text = "31 32 33 34 35 36 37 38 39 30"
@@ -211,7 +211,7 @@ def test_built_in_modbus_of_a_vlt_8000(tmp_path):
 TYPE_CODE = b"FC-101P2K2T4E20H4XXC"  # first 20 characters of parameter 15-44
 
 
-@pytest.mark.rule("DIALECT-HVAC-BASIC")
+@pytest.mark.rule("DIALECT")
 def test_basic_drive_status_word_and_coil_65(tmp_path):
     """Status word 0607; coil 65 decides between RAM and EEPROM."""
     steps = [
@@ -227,7 +227,7 @@ def test_basic_drive_status_word_and_coil_65(tmp_path):
     talk(tmp_path, STANDARD, STANDARD_DRIVE, steps)
 
 
-@pytest.mark.rule("DIALECT-HVAC-BASIC")
+@pytest.mark.rule("DIALECT")
 def test_basic_drive_reads_of_1_to_10_registers(tmp_path):
     """One register of a word, two of a double word, up to 10 of a text; a number above 2047."""
     as_text = fc.build_text_read(1544)
@@ -254,7 +254,7 @@ def test_basic_drive_reads_of_1_to_10_registers(tmp_path):
     talk(tmp_path, STANDARD, STANDARD_DRIVE, steps)
 
 
-@pytest.mark.rule("DIALECT-HVAC-BASIC")
+@pytest.mark.rule("DIALECT")
 def test_basic_drive_exceptions_of_the_standard(tmp_path):
     steps = [
         Step("1: function 07", "01 07", "01 87 01", wrong=True),
@@ -270,9 +270,9 @@ def test_basic_drive_exceptions_of_the_standard(tmp_path):
 @pytest.mark.parametrize(
     ("dialect", "reply"),
     [
-        pytest.param("card", "01 83 FF", marks=pytest.mark.rule("DIALECT-CARD", "FC-9")),
-        pytest.param("builtin", None, marks=[pytest.mark.rule("DIALECT-BUILTIN"), pytest.mark.nightly]),
-        pytest.param(STANDARD, None, marks=pytest.mark.rule("DIALECT-HVAC-BASIC")),
+        pytest.param("card", "01 83 FF", marks=pytest.mark.rule("DIALECT", "FC-9")),
+        pytest.param("builtin", None, marks=[pytest.mark.rule("DIALECT"), pytest.mark.nightly]),
+        pytest.param(STANDARD, None, marks=pytest.mark.rule("DIALECT")),
     ],
 )
 def test_a_drive_that_does_not_answer(tmp_path, dialect, reply):

@@ -152,7 +152,7 @@ def run_card(*options: object, seconds: float = 30) -> subprocess.CompletedProce
         (["--bogus"], "--bogus"),
         (["--modbus"], "--modbus needs a value"),
         (["--sw-baud", "11111000x"], "--sw-baud takes 9 digits"),
-        (["--dialect", "klingon"], f"builtin or {STANDARD}, not 'klingon'"),
+        (["--dialect", "klingon"], f" or {list(DIALECTS)[-1]}, not 'klingon'"),
         (["--for", "soon"], "--for"),
         (["--drive", "example", "--drive-device", "b"], "exclude"),
         (["--dialect", STANDARD, "--master-loss-stop"], f"no image for the dialect {STANDARD}"),

@@ -185,19 +185,19 @@ static enum intent write_coils(struct model *m, uint32_t first, uint32_t quantit
 
 static enum intent write_registers(struct model *m, uint32_t first, uint32_t quantity, const uint8_t *data)
 {
-    uint16_t *const places[3] = {BY_SIZE ? NULL : &m->ind, &m->network_timeout, &m->drive_timeout};
+    uint16_t *const places[3] = {TRAITS.text_by_size ? NULL : &m->ind, &m->network_timeout, &m->drive_timeout};
     /* A text may be longer than a number; 06 writes one register. */
-    const uint32_t limit = BY_SIZE || m->ind >> 8 == 5 ? 10 : 2;
+    const uint32_t limit = TRAITS.text_by_size || m->ind >> 8 == 5 ? 10 : 2;
     uint32_t i;
 
-    if (first == INDEX_REGISTER && quantity == 1)
+    if (first == TRAITS.index_register && quantity == 1)
         m->ind = word_of(data);
     else if (first + quantity <= 3 && places[first]) {
         if (first + quantity == 3 && word_of(data + (size_t)2 * (quantity - 1)) == 0)
             return INTENT_LOCAL;
         for (i = 0; i < quantity; i++)
             *places[first + i] = word_of(data + (size_t)2 * i);
-    } else if (first > 8 && first % 10 == 9 && (first + 1) / 10 <= PNU_MAX && quantity <= limit)
+    } else if (first > 8 && first % 10 == 9 && (first + 1) / 10 <= TRAITS.pnu_max && quantity <= limit)
         return INTENT_WRITE;
     return INTENT_LOCAL;
 }

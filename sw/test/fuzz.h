@@ -10,7 +10,7 @@
 #include <stddef.h>
 #include <stdint.h>
 
-#include "options.h"
+#include "dialect.h"
 
 enum { PDU_MAX = 253, PDU_KEPT = 31, DATA_MAX = 253, PATTERN = 0xA5 };
 
@@ -60,14 +60,5 @@ static inline bool diagnoses(uint32_t function)
 {
     return DIAGNOSTICS && (function == 0x08 || function == 0x0B || function == 0x11 || function == 0x2B);
 }
-
-/* The largest parameter number. */
-#if DIALECT == DIALECT_HVAC_BASIC
-enum { PNU_MAX = 4095 };
-#else
-enum { PNU_MAX = 2047 };
-#endif
-/* BY_SIZE: the size of a request selects text. */
-enum { BY_SIZE = DIALECT != DIALECT_CARD, INDEX_REGISTER = BY_SIZE ? 8 : 0 };
 
 #endif

@@ -152,7 +152,7 @@ static void check_telegram(void)
     HOLDS(at_drive && at_drive->committed && !at_drive->ignored);
     HOLDS(m.telegram[0] == (m.no_reply ? ADR_BROADCAST : ADR_DRIVE));
     HOLDS(m.kind == KIND_IMAGE || m.no_reply == at_drive->broadcast);
-    HOLDS(++at_drive->sent <= (BY_SIZE ? 4 : 2));
+    HOLDS(++at_drive->sent <= (TRAITS.text_by_size ? 4 : 2));
     /* A repeat is never a broadcast. That of a reading does not follow a commit since it left. */
     HOLDS(!repeated || (!m.no_reply && !memcmp(m.telegram, last, m.telegram_length)));
     HOLDS(!repeated || commits == commits_before || is_write(at_drive));
@@ -662,6 +662,7 @@ int LLVMFuzzerTestOneInput(const uint8_t *data, size_t size)
     start = take(input);
     m.loopback = (start & 0x0F) == 0x0F;
     m.ticks = start << 8;
+    m.outside = start;
     host_connect(&m, NULL);
     host_watch(~0u, ~0u, on_read, on_write);
     restart();

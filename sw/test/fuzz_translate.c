@@ -104,7 +104,7 @@ static void check_parameter_telegram(const struct slot *slot, const struct model
     HOLDS(length >= 10 && !(length & 1));
     HOLDS(intent == INTENT_READ || intent == INTENT_WRITE);
     HOLDS(pcd == 0 && data[length - 2] == 0 && data[length - 1] == 0);
-    HOLDS(pnu >= 1 && pnu <= PNU_MAX);
+    HOLDS(pnu >= 1 && pnu <= TRAITS.pnu_max);
     HOLDS(10 * pnu - 1 == ((uint32_t)slot->pdu[1] << 8 | slot->pdu[2]));
     HOLDS(data[3] == (after->ind & 0xFF));
     switch (data[0] >> 4) {
@@ -199,7 +199,7 @@ static void second_telegram(const struct bench *b, struct slot *slot)
 
     /* The index is that of the first telegram, even if it was written since. */
     now.ind = slot->txn->out.telegram[4];
-    HOLDS(BY_SIZE && !slot->again);
+    HOLDS(TRAITS.text_by_size && !slot->again);
     first_ak = slot->telegram[1] >> 4;
     slot->again = true;
     translate_drive_again(slot->txn);
@@ -225,7 +225,7 @@ static void drive_reply(struct bench *b, struct input *in, uint32_t how)
     outcome = translate_drive_reply(&b->t, slot->txn, b->drive_bank, length + 2);
     HOLDS(same_settings(&before.settings, &b->t.settings) && before.status == b->t.status);
     /* The second telegram is made from it. */
-    HOLDS(!BY_SIZE || !memcmp(slot->telegram, slot->txn->out.telegram, sizeof slot->telegram));
+    HOLDS(!TRAITS.text_by_size || !memcmp(slot->telegram, slot->txn->out.telegram, sizeof slot->telegram));
     HOLDS(outcome == OUTCOME_NOT_A_REPLY || outcome == OUTCOME_REPLY || outcome == OUTCOME_EXCHANGE);
     if (outcome == OUTCOME_REPLY)
         check_reply(b, slot, b->t.next_status);
@@ -251,7 +251,7 @@ static void drive_silent(struct bench *b, uint32_t how)
     if (!slot->at_drive)
         return;
     outcome = translate_drive_silent(slot->txn);
-    HOLDS(outcome == (BY_SIZE ? OUTCOME_SILENT : OUTCOME_REPLY));
+    HOLDS(outcome == (TRAITS.drive_silent ? OUTCOME_REPLY : OUTCOME_SILENT));
     if (outcome == OUTCOME_REPLY) {
         check_reply(b, slot, b->t.status);
         HOLDS(slot->txn->out.reply[1] == 255);

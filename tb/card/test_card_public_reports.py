@@ -74,19 +74,19 @@ SESSIONS: dict[str, tuple[str, str, str, list[tuple[str, str]]]] = {
     ),
     # An S7-1200 reads three registers of a number; documents list 1 to 10 registers below the standard types.
     "HVAC Basic: three and ten registers of a number": (
-        *("DIALECT-HVAC-BASIC", *HVAC),
+        *("DIALECT", *HVAC),
         [
             ("01 03 0B D5 00 03", "01 03 06 00 00 C3 50 00 00"),
             ("01 03 0B D5 00 0A", "01 03 14 00 00 C3 50" + " 00" * 16),
         ],
     ),
     "builtin: three registers of a number": (
-        *("DIALECT-BUILTIN", "builtin", "vlt8000"),
+        *("DIALECT", "builtin", "vlt8000"),
         [("01 03 04 0F 00 03", "01 03 06 00 00 00 32 00 00")],
     ),
     # MG.10.S1.22, example 6: the index stands in 40009.
     "builtin: element 8 of 609": (
-        *("DIALECT-BUILTIN", "builtin", "vlt6000"),
+        *("DIALECT", "builtin", "vlt6000"),
         [("01 06 00 08 00 08", "01 06 00 08 00 08"), ("01 03 17 C9 00 01", "01 03 02 01 90")],
     ),
     # Masters that count the bytes of coils wrongly, or pad them with ones.
@@ -102,7 +102,7 @@ SESSIONS: dict[str, tuple[str, str, str, list[tuple[str, str]]]] = {
     "card: a coil of FFFF": (*("EXC", "", "vlt6000"), [("01 05 00 06 FF FF", "01 85 02")]),
     # A CNC and a VLT 2800: status word, start with a reference, one register above the table.
     "builtin: the session of a CNC": (
-        *("DIALECT-BUILTIN", "builtin", "vlt2800"),
+        *("DIALECT", "builtin", "vlt2800"),
         [
             ("01 01 00 20 00 10", "01 01 02 07 06"),
             ("01 0F 00 00 00 20 04 7C 04 A0 0F", "01 0F 00 00 00 20"),

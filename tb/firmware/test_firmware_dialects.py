@@ -8,10 +8,11 @@ design guide of the VLT HVAC Basic Drive (MG.18.C2.02).
 from __future__ import annotations
 
 import re
+from dataclasses import replace
 
 import pytest
 
-from regs.dialects import DIALECTS, STANDARD, having
+from regs.dialects import CODES, DIALECTS, STANDARD, Dialect, having
 from rtl.sources import ROOT
 from tb.firmware.test_firmware_gateway import (
     ASK_514,
@@ -39,22 +40,16 @@ from tb.lib.rows import each_row
 from tb.lib.seeds import seeded
 from tb.model.card import DIALECTS as MODEL_DIALECTS
 from tb.model.card import OBJECTS, VERSION
+from tb.model.card import Dialect as ModelDialect
 from tb.model.firmware import EXCHANGE, NOT_A_REPLY, REPLY, SILENT, Build, Transaction, Translator
 
 GUIDE = ROOT / "docs/guide/dialects.md"
 
 
-def rule_of(dialect: str) -> str:
-    return f"DIALECT-{dialect.upper().replace('_', '-')}"
-
-
 def spoken_in(*dialects: str) -> pytest.MarkDecorator:
-    """Runs the test in these dialects and marks it with their rules."""
-    return pytest.mark.parametrize(
-        "card",
-        [pytest.param(name, marks=pytest.mark.rule(rule_of(name)), id=name) for name in dialects],
-        indirect=True,
-    )
+    """Runs the test in these dialects."""
+    names = [pytest.param(name, marks=pytest.mark.rule("DIALECT")) for name in dialects]
+    return pytest.mark.parametrize("card", names, indirect=True)
 
 
 LATER = having(text_by_size=True)
@@ -76,6 +71,23 @@ def tried_as_text(card: Translator, pdu: str, number: str) -> Transaction:
     head = txn.telegram[1:5]
     assert txn.drive_reply(bytes([0x70 | head[0] & 0xF]) + head[1:] + H(f"0000 0005 {RUNNING}")) == EXCHANGE
     return txn.drive_commit().drive_again()
+
+
+def row_of(one: Dialect) -> ModelDialect:
+    """The row of tb/model/card.py that says the same."""
+    traits = dict(one.traits)
+    codes = {why: code for why, trait in CODES.items() if (code := traits.pop(trait))}
+    options = {"refreshes": "STATUS_REFRESH" in one.options, "diagnoses": "DIAGNOSTICS" in one.options}
+    return ModelDialect(codes, **traits, **options)
+
+
+@pytest.mark.parametrize("name", DIALECTS)
+def test_the_model_has_each_value_of_the_table_and_notices_a_change_of_any(name: str):
+    one = DIALECTS[name]
+    assert row_of(one) == MODEL_DIALECTS[name]
+    for trait, value in one.traits.items():
+        other = not value if isinstance(value, bool) else value + 1
+        assert row_of(replace(one, traits=one.traits | {trait: other})) != MODEL_DIALECTS[name], trait
 
 
 # ---------------------------------------------------------------- the documents' examples
@@ -142,13 +154,13 @@ def test_an_invalid_request_gets_the_code_of_the_dialect(card: Translator, pdu: 
 @each_row("fault", [0, 1, 2, 3, 4, 6, 7, 11, 17, 18, 130, 131, 254, 255])
 @each_row("pdu", ["03 1413 0001", "06 1413 0001", "10 1413 0002 04 0000 0001"])
 def test_a_drive_fault_is_reported_unchanged_or_as_4(card: Translator, fault: int, pdu: str):
-    code = 4 if card.dialect == STANDARD else fault
+    code = MODEL_DIALECTS[card.dialect].code(fault)
     assert answered(card, pdu, f"7202 0000 0000 00{fault:02x} {RUNNING}") == refused(code, H(pdu)[0])
 
 
 @in_all
 def test_a_double_word_that_does_not_fit_is_a_fault_of_type(card: Translator):
-    code = 4 if card.dialect == STANDARD else 5
+    code = MODEL_DIALECTS[card.dialect].code(5)
     assert answered(card, "03 1413 0001", f"2202 0000 0001 0000 {RUNNING}") == refused(code, 3)
     assert answered(card, "03 1413 0002", f"2202 0000 0001 0000 {RUNNING}") == H("03 04 0001 0000")
 
@@ -158,10 +170,8 @@ def test_a_double_word_that_does_not_fit_is_a_fault_of_type(card: Translator):
 def test_a_silent_drive_gets_255_or_silence(card: Translator, pdu: str):
     txn = card.do(H(pdu))
     reply = txn.drive_silent()
-    if card.dialect == "card":
-        assert reply == refused(255, H(pdu)[0])
-    else:
-        assert txn.outcome == SILENT
+    code = MODEL_DIALECTS[card.dialect].codes.get("silent")
+    assert reply == refused(code, H(pdu)[0]) if code else txn.outcome == SILENT
 
 
 # ---------------------------------------------------------------- the card's own registers
@@ -199,7 +209,7 @@ def test_the_index_is_in_register_9_and_the_time_outs_keep_their_registers(card:
 )
 def test_no_other_register_below_10_exists(card: Translator, pdu: str):
     before = card.state()
-    code = 2 if card.dialect == STANDARD else 64
+    code = MODEL_DIALECTS[card.dialect].codes["address"]
     assert card.do(H(pdu)).reply == refused(code, H(pdu)[0])
     assert card.state() == before
 
@@ -295,7 +305,7 @@ def test_a_number_that_is_refused_after_the_text_is_not_tried_again(card: Transl
     assert txn.drive_reply(H(f"7215 0400 0000 0005 {RUNNING}")) == EXCHANGE
     txn.drive_commit().drive_again()
     assert txn.drive_reply(H(f"7215 0000 0000 00{fault:02x} {RUNNING}")) == REPLY
-    assert txn.reply == refused(4 if card.dialect == STANDARD else fault, 3)
+    assert txn.reply == refused(MODEL_DIALECTS[card.dialect].code(fault), 3)
 
 
 @in_later
@@ -305,7 +315,7 @@ def test_a_fault_on_the_text_is_reported_without_another_try(card: Translator, f
     number = {"03": "1215 0000 0000 0000", "10": "3215 0000 4142 4344"}[pdu[:2]]
     txn = tried_as_text(card, pdu, f"81 {number} 0000 0000")
     assert txn.drive_reply(H(f"7215 0400 0000 00{fault:02x} {RUNNING}")) == REPLY
-    assert txn.reply == refused(4 if card.dialect == STANDARD else fault, H(pdu)[0])
+    assert txn.reply == refused(MODEL_DIALECTS[card.dialect].code(fault), H(pdu)[0])
 
 
 @in_later
@@ -317,7 +327,7 @@ def test_a_fault_on_the_text_is_reported_without_another_try(card: Translator, f
     ],
 )
 def test_fault_5_is_reported_when_no_text_can_be_tried(card: Translator, pdu: str, why: str):
-    code = 4 if card.dialect == STANDARD else 5
+    code = MODEL_DIALECTS[card.dialect].code(5)
     assert answered(card, pdu, f"7215 0000 0000 0005 {RUNNING}") == refused(code, H(pdu)[0]), why
 
 
@@ -362,7 +372,7 @@ def test_a_broadcast_of_1_or_2_registers_is_a_number_and_of_more_a_text(card: Tr
 
 @in_all
 def test_parameters_end_with_the_bits_of_pnu(card: Translator):
-    highest = 4095 if card.dialect == STANDARD else 2047
+    highest = MODEL_DIALECTS[card.dialect].pnu_max
     (row,) = re.findall(r"^\| parameter numbers \|(.*)\|$", GUIDE.read_text(), re.MULTILINE)
     stated = dict(zip(DIALECTS, row.split("|"), strict=True))
     assert stated[card.dialect].split()[0] == f"1…{highest}"
@@ -399,7 +409,7 @@ START, SEND_START = H("05 0006 FF00"), H("81 0040 0000")
 @pytest.fixture(
     params=[
         pytest.param(
-            Build(dialect, on_card=on_card), marks=pytest.mark.rule(rule_of(dialect)), id=f"{dialect}-{name}"
+            Build(dialect, on_card=on_card), marks=pytest.mark.rule("DIALECT"), id=f"{dialect}-{name}"
         )
         for dialect in LATER
         for name, on_card in (("host", False), ("card", True))
@@ -506,10 +516,8 @@ def test_scenario(bench: Bench, steps: str):
 # ---------------------------------------------------------------- speed of the dialects' images
 
 
-@pytest.mark.parametrize(
-    "dialect",
-    [pytest.param(d, marks=pytest.mark.rule(rule_of(d), "PERF-2", "PERF-3")) for d in LATER],
-)
+@pytest.mark.rule("DIALECT", "PERF-2", "PERF-3")
+@pytest.mark.parametrize("dialect", LATER)
 def test_the_second_telegram_is_queued_within_its_pause(dialect: str):
     """Two characters of the drive line take 2290 us: 27500 clocks, 5 to 6 per instruction."""
     bench = Bench(Build(dialect, on_card=True))
@@ -530,10 +538,10 @@ DIAGNOSTIC_REQUESTS = ("08 0000 1234", "08 0002 0000", "08 000B 0000", "0B", "11
 
 @pytest.mark.rule("MAP-10", "EXC")
 @each_row("pdu", DIAGNOSTIC_REQUESTS)
-@pytest.mark.parametrize("dialect", [name for name in DIALECTS if name != STANDARD])
+@pytest.mark.parametrize("dialect", [name for name, one in MODEL_DIALECTS.items() if not one.diagnoses])
 def test_without_the_option_diagnostics_are_unknown_functions(dialect: str, pdu: str):
     txn = Translator(dialect=dialect).do(H(pdu))
-    assert txn.outcome == REPLY and txn.reply == bytes([H(pdu)[0] | 0x80, 67])
+    assert txn.outcome == REPLY and txn.reply == refused(MODEL_DIALECTS[dialect].codes["function"], H(pdu)[0])
 
 
 def diagnosing(option: str) -> Translator:
@@ -584,9 +592,7 @@ def test_the_version_is_that_of_the_release(option: str):
 )
 @pytest.mark.parametrize("option", ["card", STANDARD])
 def test_wrong_diagnostics_get_the_dialects_exceptions(option: str, pdu: str, kind: str, what: str):
-    codes = (1, 3, 3, 2) if option == STANDARD else (67, 65, 2, 64)
-    code = dict(zip(("function", "length", "value", "address"), codes, strict=True))[kind]
-    assert diagnosing(option).do(H(pdu)).reply == bytes([H(pdu)[0] | 0x80, code]), what
+    assert diagnosing(option).do(H(pdu)).reply == refused(MODEL_DIALECTS[option].codes[kind], H(pdu)[0]), what
 
 
 @pytest.mark.rule("MAP-10")
@@ -772,13 +778,11 @@ BY_SIZE = (
 )
 
 
-@pytest.mark.rule("SAFE-3", "SAFE-1", "FRAME-6", "FRAME-7")
-@pytest.mark.parametrize(
-    "dialect", [pytest.param(name, marks=pytest.mark.rule(rule_of(name))) for name in DIALECTS]
-)
+@pytest.mark.rule("SAFE-3", "SAFE-1", "FRAME-6", "FRAME-7", "DIALECT")
+@pytest.mark.parametrize("dialect", DIALECTS)
 def test_after_any_sequence_of_events_the_next_request_is_answered(dialect: str):
     rng = seeded(f"gateway events, {dialect}")
-    requests, told, (last, asked, reply) = BY_NUMBER if dialect == "card" else BY_SIZE
+    requests, told, (last, asked, reply) = BY_SIZE if dialect in LATER else BY_NUMBER
     second = 0
     for _ in range(150):
         bench = Bench(Build(dialect))
@@ -820,4 +824,4 @@ def test_after_any_sequence_of_events_the_next_request_is_answered(dialect: str)
         play(bench, last, globals())
         assert bench.telegrams[telegrams:] == asked and bench.replies[replies:] == [reply]
     print(f"{second} second exchanges")
-    assert second > 5 or dialect == "card", "too few second exchanges to mean anything"
+    assert second > 5 or dialect not in LATER, "too few second exchanges to mean anything"

@@ -62,7 +62,7 @@ class Released(Build):
         return Machine(mailbox, program, self.memory)
 
 
-@pytest.mark.rule("DIALECT-CARD", "DIALECT-BUILTIN", "DIALECT-HVAC-BASIC", "TOP-2")
+@pytest.mark.rule("DIALECT", "TOP-2")
 @pytest.mark.parametrize("path", images())
 def test_an_image_answers_as_its_folder_says(path: str):
     image = Released(path=path)

@@ -19,7 +19,7 @@ class Dialect:
 
     codes: dict[str, int]  # exception code for each error; "drive" if not the fault number itself
     index_register: int = 8
-    highest_pnu: int = 2047
+    pnu_max: int = 2047
     text_by_size: bool = True
     refreshes: bool = True  # a read of the status asks the drive first
     diagnoses: bool = False
@@ -37,7 +37,7 @@ DIALECTS = {
     # MG.18.C2.02 p75
     "hvac_basic": Dialect(
         {"function": 1, "address": 2, "length": 3, "quantity": 3, "value": 3, "drive": 4},
-        highest_pnu=4095,
+        pnu_max=4095,
         diagnoses=True,
     ),
 }
@@ -302,7 +302,7 @@ class CardModel:
             self.registers.update(new)
             return Step(reply=self._echo())
         pnu, rest = divmod(start + 1, 10)
-        if rest or not 1 <= pnu <= self.dialect.highest_pnu:
+        if rest or not 1 <= pnu <= self.dialect.pnu_max:
             raise Refused("address")
         self.question.pnu = pnu
         index = self.registers[self.dialect.index_register] & 0xFF
