@@ -24,7 +24,8 @@ def clock_period_ps(clk_hz: float) -> int:
 
 def inputs(module: str) -> list[str]:
     """The inputs of a module of rtl/ but its clock and reset."""
-    found = re.findall(r"^ +input +wire .*?(\w+),?$", (ROOT / f"rtl/{module}.v").read_text(), re.MULTILINE)
+    text = next((ROOT / "rtl").rglob(f"{module}.v")).read_text()
+    found = re.findall(r"^ +input +wire .*?(\w+),?$", text, re.MULTILINE)
     return [name for name in found if name not in ("clk", "rst")]
 
 

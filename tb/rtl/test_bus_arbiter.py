@@ -10,18 +10,13 @@ import pytest
 from cocotb.triggers import Timer
 
 from regs.generated.mailbox import AREAS, BASE, FRAMES, FRAMES_BYTES, REGISTERS, STRIDE
-from tb.lib.bench import Bench
+from tb.lib.bench import Bench, inputs
 from tb.lib.nightly import first
 from tb.lib.runner import run
 from tb.lib.seeds import seeded
 
 SIZES = (6144, 8192)
 LINES = ("modbus_write", "modbus_read", "drive_write", "drive_read")
-INPUTS = (
-    *("core_valid", "core_addr", "core_wdata", "core_wstrb", "ram_rdata", "regs_rdata", "telegram_sending"),
-    *(f"{line}_{part}" for line in LINES for part in ("valid", "addr")),
-    *("modbus_write_data", "drive_write_data"),
-)
 TELEGRAM = AREAS["TELEGRAM_FRAME"]
 # Slot of address 0 of each line, and the lane that it writes; reads use lane 0.
 FIRST_SLOT = {
@@ -36,7 +31,7 @@ LANES = {"modbus_write": AREAS["REQUEST_FRAME_0"].lane, "drive_write": AREAS["DR
 class Arbiter:
     def __init__(self, dut):
         self.dut = dut
-        self.bench = Bench(dut, **dict.fromkeys(INPUTS, 0))
+        self.bench = Bench(dut, **dict.fromkeys(inputs("bus_arbiter"), 0))
         self.size = int(dut.MEMORY_BYTES.value)
 
     async def start(self) -> Arbiter:

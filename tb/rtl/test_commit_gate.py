@@ -10,18 +10,9 @@ import cocotb
 import pytest
 from cocotb.triggers import ReadOnly
 
-from tb.lib.bench import Bench, Strobes
+from tb.lib.bench import Bench, Strobes, inputs
 from tb.lib.runner import run
 from tb.lib.seeds import seeded
-
-INPUTS = """
-    beat candidate commit revoke broadcast writes_coils writes_parameter
-    modbus_start_seen modbus_silent modbus_quiet
-    drive_good drive_bad drive_quiet
-    order_reply reply_empty reply_after_drive
-    order_telegram order_kind order_no_reply order_early order_stop order_repeat telegram_touched order_ticket
-    watch running period loopback_open loopback_close
-""".split()  # noqa: SIM905 (a table reads better than a list)
 
 # Kinds of telegrams, and the request whose commit licenses one.
 NEWEST, IMAGE, ONE, ALL = range(4)
@@ -39,7 +30,7 @@ class Gate:
 
     def __init__(self, dut):
         self.dut = dut
-        self.bench = Bench(dut, **dict.fromkeys(INPUTS, 0))
+        self.bench = Bench(dut, **dict.fromkeys(inputs("commit_gate"), 0))
         self.replies = Strobes(dut, "reply_start")
         self.telegrams = Strobes(dut, "telegram_start", "telegram_control", "telegram_stop")
 
