@@ -88,18 +88,17 @@ def shard(
     *,
     bauds: tuple[int, ...] = (),
     target: Target = OWN,
-    seconds: float = float("inf"),
     folder: Path = FOLDER,
     small: bool = True,
     stop_at: int = DIFFERENCES_MAX,
     strict_t15: bool = True,
     so_far: Callable[[Result], None] = lambda result: None,
 ) -> Result:
-    """Plays cases until `count` network frames were judged, or the time is over."""
+    """Plays cases until `count` network frames were judged."""
     result, began = Result(seed, target.config, fingerprint.fuzz(target.config)), time.monotonic()
     kept_at = began
     play = functools.partial(run, target=target, strict_t15=strict_t15)
-    while result.judged < count and time.monotonic() - began < seconds and len(result.differences) < stop_at:
+    while result.judged < count and len(result.differences) < stop_at:
         name = f"{seed}/{result.cases}"
         case = make(name, bauds, target.config)
         verdict, played = play(case)
@@ -239,7 +238,6 @@ def main() -> int:
     parser.add_argument("--seed", type=at_least(0))
     parser.add_argument("--count", type=at_least(1), help="network frames, judged; default 2000")
     parser.add_argument("--config", choices=configurations(), default="standard")
-    parser.add_argument("--seconds", type=float, default=float("inf"), help="stop after this wall time")
     parser.add_argument("--bauds", default="", help="these rates only, with commas")
     parser.add_argument("--replay", type=Path, metavar="FILE.json", help="play one case again and tell it")
     parser.add_argument("--wave", type=Path, metavar="FILE.fst", help="with --replay: its waveform")
@@ -269,9 +267,7 @@ def main() -> int:
     refuse_to_lose_a_longer_result(file_of(options.seed, options.config), options.count, card)
     print(f"fuzz: {options.config} card, seed {options.seed}, {options.count} frames", flush=True)
     target = Target(config=options.config)
-    result = shard(
-        options.seed, options.count, bauds=bauds, target=target, seconds=options.seconds, so_far=keep
-    )
+    result = shard(options.seed, options.count, bauds=bauds, target=target, so_far=keep)
     keep(result)
     print(f"fuzz: {result}")
     return 1 if result.differences else 0

@@ -4,7 +4,6 @@
     python -m sw.test.mutate [--jobs N]       60 mutants of each file, in N processes; then the report
     python -m sw.test.mutate --shard I/N      part I of N, on any machine; writes its result file
     python -m sw.test.mutate --report         merges them; exit 1 for a survivor
-    python -m sw.test.mutate --list           every mutant, a line each
     --count N                                        mutants of each file; 0: all
 
 A mutant is one small change in a file of the core or of the poll loop. It is caught if the fuzzer's corpus
@@ -454,11 +453,11 @@ def names(item: pytest.Item) -> list[str]:
     return [] if "random" in item.name else list(getattr(item, "callspec", item).__dict__.get("params", {}))
 
 
-def evaluated(mutants: list[Mutant], name: str, replay: bool) -> list[dict]:
+def evaluated(mutants: list[Mutant], name: str) -> list[dict]:
     """The mutants with their fates. `name`: of the builds' folder."""
     os.environ["COCOTB_RANDOM_SEED"] = SEED
     results: list[dict] = []
-    run = MutationRun(MutantBuild(FOLDER / name), mutants, results, replay)
+    run = MutationRun(MutantBuild(FOLDER / name), mutants, results, replay=True)
     options = ["-q", "--all", "--capture=no", "--no-header"]
     options += [
         word for plugin in ("cacheprovider", "xdist", "faulthandler") for word in ("-p", f"no:{plugin}")
@@ -470,10 +469,10 @@ def evaluated(mutants: list[Mutant], name: str, replay: bool) -> list[dict]:
     return results
 
 
-def run_shard(part: int, parts: int, count: int, replay: bool) -> None:
+def run_shard(part: int, parts: int, count: int) -> None:
     name = f"shard-{part}-of-{parts}"
     begun = time.monotonic()
-    results = evaluated(chosen_mutants(count)[part - 1 :: parts], name, replay)
+    results = evaluated(chosen_mutants(count)[part - 1 :: parts], name)
     kept = {"seconds": round(time.monotonic() - begun), "mutants": results}
     (FOLDER / f"{name}.json").write_text(json.dumps(kept, indent=1) + "\n")
 
@@ -531,26 +530,20 @@ def main() -> int:
         "--count", type=at_least(0), default=60, help="mutants of each file; 0: all (default: %(default)s)"
     )
     parser.add_argument("--report", action="store_true")
-    parser.add_argument("--list", action="store_true")
     parser.add_argument("--write", action="store_true", help="put the table into docs/evidence.json")
-    parser.add_argument("--tests-only", action="store_true", help="do not run the fuzzers' corpus")
     given = parser.parse_args()
     FOLDER.mkdir(parents=True, exist_ok=True)
-    if given.list:
-        for mutant in all_mutants():
-            print(f"{mutant.file}:{mutant.line} {mutant.function}: {mutant.change}")
-        return 0
     if given.report:
         return report(given.count, given.write)
     if given.shard:
         part, _, parts = given.shard.partition("/")
         if not (part.isdigit() and parts.isdigit() and 1 <= int(part) <= int(parts)):
             parser.error("--shard: I/N, such as 1/4")
-        run_shard(int(part), int(parts), given.count, not given.tests_only)
+        run_shard(int(part), int(parts), given.count)
         return 0
     for file in FOLDER.glob("shard-*.json"):
         file.unlink()
-    work = partial(run_shard, parts=given.jobs, count=given.count, replay=not given.tests_only)
+    work = partial(run_shard, parts=given.jobs, count=given.count)
     for _ in in_processes(given.jobs, work, range(1, given.jobs + 1)):
         pass
     return report(given.count, given.write)
