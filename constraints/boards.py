@@ -508,9 +508,8 @@ def problems(entry: Board) -> list[str]:
 
 def unfinished(entry: Board) -> list[str]:
     """What a board of ours lacks, although it can be built."""
-    missing = [
-        f"the key {key} is missing, for docs/guide/hardware.md" for key in SHOWN if not getattr(entry, key)
-    ]
+    keys = ", ".join(key for key in SHOWN if not getattr(entry, key))
+    missing = [f"docs/guide/hardware.md needs {keys} in its row"] if keys else []
     if f'"{entry.name}":' not in WITNESS.read_text():
         missing.append(f"{shown(WITNESS)} has no pins of it, typed from its document")
     if entry.family == "machxo2" and not entry.flash:

@@ -29,6 +29,7 @@ from constraints.boards import (
     pin_tables,
     ports,
     problems,
+    unfinished,
 )
 from constraints.flow import SynthError, made_from, try_pins
 from rtl.sources import card_files, macros_file, without_comments
@@ -647,6 +648,16 @@ def test_a_missing_file_gets_its_line(own, monkeypatch, capsys):
     assert said(monkeypatch, capsys, path) == (1, "synth: my-board: there is no pin file my-board.pcf\n")
     path.unlink()
     assert said(monkeypatch, capsys, path) == (2, f"{path}: No such file or directory\n")
+
+
+def test_a_half_made_board_of_ours_is_named():
+    said = unfinished(replace(BOARDS["card-xo2-1200"], name="trial", leds="", load=(), flash={}))
+    assert said == [
+        "trial: docs/guide/hardware.md needs leds, load in its row",
+        "trial: constraints/test_boards.py has no pins of it, typed from its document",
+        "trial: the key flash is missing, so it gets no .jed",
+    ]
+    assert not any(unfinished(entry) for entry in BOARDS.values())
 
 
 @pytest.mark.parametrize(
