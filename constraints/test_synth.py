@@ -419,6 +419,7 @@ ROW |= {"clk_mhz": 1.0, "seed": 1, "seconds": 1, "part": "x", "config": "tiny", 
 
 @pytest.mark.parametrize(("what", "status"), [({}, 0), ({"cells": 11}, 1), ({"brams": 4}, 1)])
 def test_make_synth_fails_with_a_design_too_big_for_its_part(monkeypatch, capsys, what, status):
+    monkeypatch.setattr(flow, "try_pins", lambda entry, folder: None)
     monkeypatch.setattr(synth, "build", lambda entry: ROW | what)
     monkeypatch.setattr(sys, "argv", ["synth", "card-xo2-1200"])
     assert synth.main() == status
@@ -462,6 +463,7 @@ def test_a_front_end_over_its_target_is_refused():
 
 def test_make_synth_fails_with_a_front_end_too_big_or_too_few_seeds(monkeypatch, capsys, written, tmp_path):
     """The table stays unchanged."""
+    monkeypatch.setattr(flow, "try_pins", lambda entry, folder: None)
     monkeypatch.setattr(synth, "build", lambda entry: ROW)
     limit = TARGETS["machxo2"]
     monkeypatch.setattr(
