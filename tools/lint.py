@@ -76,7 +76,7 @@ UNFINISHED = re.compile(r"\b(TODO|FIXME|XXX|HACK)\b")
 SKIPPED = re.compile(r"\b(skipif|xfail|mark\.skip|pytest\.skip|cocotb\.skip)\b|\bskip=True")
 SOMEWHERE = re.compile(r"(?<![\w.-])/(home|root|tmp|work)/\w")
 # The description of a command of campaigns/; the Makefile looks for the same line.
-DESCRIBED = re.compile(r'^""".*; `make [a-z-]+`\.("""|$)', re.MULTILINE)
+DESCRIBED = re.compile(r'^""".*; `make ([a-z-]+)`\.(?:"""|$)', re.MULTILINE)
 OUR_OWN = Path(__file__).name
 
 
@@ -192,8 +192,39 @@ def half_campaigns(folder: Path = ROOT / "campaigns") -> list[str]:
             wrong.append(
                 f'{shown}/run.py: the first line of its description does not end with "; `make NAME`."'
             )
-        if not any(campaign.glob("test_*.py")):
-            wrong.append(f"{shown}: no test_*.py")
+        if not any("def test_" in path.read_text() for path in campaign.glob("test_*.py")):
+            wrong.append(f"{shown}: no test_*.py with a test")
+    targets = re.findall(r"^([a-z][\w-]*)(?=[ a-z-]*:[^=])", (ROOT / "Makefile").read_text(), re.MULTILINE)
+    programs = [
+        (match[1], path.relative_to(folder.parent))
+        for path in sorted(folder.glob("*/*.py"))
+        if (match := DESCRIBED.search(path.read_text()))
+    ]
+    seen = dict.fromkeys(targets, "the Makefile")
+    for command, path in programs:
+        if command in seen:
+            wrong.append(f"{path}: `make {command}` is a command of {seen[command]} already")
+        seen[command] = str(path)
+    return wrong
+
+
+def rows_and_citations(rules: dict[str, str]) -> list[str]:
+    """Rows that are no rule, and rules without a row in the card's sources and in the guides."""
+    where = name(trace.REQUIREMENTS)
+    rows = [
+        line for line in trace.REQUIREMENTS.read_text().splitlines() if re.match(r"\| (?!id )[\w-]+ \|", line)
+    ]
+    wrong = [f"{where}: an id has capital letters: {row[:40]}" for row in rows if not trace.ROW.match(row)]
+    wrong += [
+        f"rule {rule}: it is shown by {by!r}, not by test or open"
+        for rule, by in rules.items()
+        if by not in ("test", "open")
+    ]
+    chapters = "|".join(sorted({rule.rpartition("-")[0] for rule in rules if "-" in rule}))
+    sources = (("rtl", "*.v"), ("sw/src", "*.[ch]"), ("sw/include", "*.h"), ("docs/guide", "*.md"))
+    for path in sorted(path for folder, names in sources for path in (ROOT / folder).rglob(names)):
+        cited = {*re.findall(rf"\b(?:{chapters})-\d+\b", path.read_text())}
+        wrong += [f"{name(path)}: there is no rule {rule}" for rule in sorted(cited - rules.keys())]
     return wrong
 
 
@@ -215,7 +246,7 @@ def half_made() -> list[str]:
     """Campaigns, rules, dialects and options of which a part is missing; boards: constraints.boards."""
     rules = trace.read_rules()
     tests = {name(path): path.read_text() for path in source_files() if path.name.startswith("test_")}
-    wrong = half_campaigns() + half_rules(rules, tests)
+    wrong = half_campaigns() + rows_and_citations(rules) + half_rules(rules, tests)
     source = "".join(path.read_text() for path in (ROOT / "sw").glob("[is]*/*.[ch]"))
     used = set(
         re.findall(r"\w+", re.sub("by make regs: options.*?end of options", "", source, flags=re.DOTALL))

@@ -291,11 +291,14 @@ def test_what_a_campaign_lacks_is_named(tmp_path):
     for name in ("one/run.py", "two/run.py", "two/test_two.py", "three/work.py", "three/test_three.py"):
         (tmp_path / name).parent.mkdir(exist_ok=True)
         (tmp_path / name).write_text('# A line.\n"""Counts something."""\n')
-    (tmp_path / "one/run.py").write_text('# A line.\n"""Counts something (1 s); `make one`.\n\nMore.\n"""\n')
+    (tmp_path / "one/run.py").write_text('# A line.\n"""Counts something (1 s); `make lint`.\n\nMore.\n"""\n')
+    (tmp_path / "two/test_two.py").write_text("def test_a_fault_is_found(): ...\n")
     assert half_campaigns(tmp_path) == [
-        "campaigns/one: no test_*.py",
+        "campaigns/one: no test_*.py with a test",
         "campaigns/three: no run.py",
+        "campaigns/three: no test_*.py with a test",
         'campaigns/two/run.py: the first line of its description does not end with "; `make NAME`."',
+        f"{tmp_path.name}/one/run.py: `make lint` is a command of the Makefile already",
     ]
 
 

@@ -103,16 +103,9 @@ def verdict(tests: list[str], results: dict[str, str]) -> str:
 
 
 def shown_rules(rules: dict[str, str], tests: dict[str, list[str]], results: dict[str, str]) -> set[str]:
-    """Rules of which a test has passed and none failed, and those that something else shows."""
-
-    def outcomes(rule: str) -> set[str | None]:
-        return {results.get(test) for test in tests.get(rule, [])}
-
-    return {
-        rule
-        for rule, by in rules.items()
-        if "failed" not in outcomes(rule) and ("passed" in outcomes(rule) or by not in ("test", "open"))
-    }
+    """Rules of which a test has passed and none failed."""
+    found = {rule: {results.get(test) for test in tests.get(rule, [])} for rule in rules}
+    return {rule for rule, outcomes in found.items() if "passed" in outcomes and "failed" not in outcomes}
 
 
 def cocotb_tests(path: Path) -> set[str]:

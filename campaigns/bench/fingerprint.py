@@ -84,8 +84,10 @@ def _campaign(name: str) -> list[tuple[str, str]]:
 
 def judge(campaign: str) -> str:
     """Of a campaign without a function here: its programs, and what they may share."""
-    programs = (ROOT / "campaigns" / campaign).glob("*.py")
-    return _digest([*_lines(), *(_python(path) for path in sorted(programs) if path.stem[:5] != "test_")])
+    programs = sorted((ROOT / "campaigns" / campaign).glob("*.py"))
+    if not programs:
+        raise SourcesError(f"there is no campaign {campaign!r} whose judge could have a fingerprint")
+    return _digest([*_lines(), *(_python(path) for path in programs if path.stem[:5] != "test_")])
 
 
 def fuzz_judge() -> str:
