@@ -138,20 +138,6 @@ def test_the_decoder_of_the_registers_has_the_numbers_of_the_map():
     assert len(set(tickets)) == 1
 
 
-@pytest.mark.parametrize(
-    ("file", "form"),
-    [("rtl/mailbox_regs.v", r"put +(wire|reg) .*\b{0},?$"), ("rtl/mailbox.v", r"\.{0}\({0}\)")],
-)
-def test_verilog_has_the_port_of_each_field(file, form):
-    text = (ROOT / file).read_text()
-    fields = {f"{name}.{field}": about.port for name, register in mailbox.REGISTERS.items()
-              for field, about in register.fields.items() if about.port}  # fmt: skip
-    missing = [
-        f"{name}: {port}" for name, port in fields.items() if not re.search(form.format(port), text, re.M)
-    ]
-    assert not missing, f"{file} lacks the ports {missing} of regs/mailbox.rdl"
-
-
 def test_the_arbiter_has_the_frames_of_the_map():
     found = localparams(ROOT / "rtl/bus_arbiter.v")
     assert found == {name: mailbox.AREAS[f"{name}_FRAME"].slot for name in ("TELEGRAM", "REPLY", "DRIVE")}

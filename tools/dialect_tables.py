@@ -6,13 +6,14 @@ from __future__ import annotations
 import re
 
 from campaigns.masters.page import table
-from regs.dialects import DEFAULT, DIALECTS, IMAGES, Dialect, Image
+from regs.dialects import DEFAULT, DIALECTS, IMAGES, OPTIONS, Dialect, Image
 from sw.rtu2fc.tables import FAULT
 
 
 def image(one: Dialect, name: str = "") -> str:
-    folder = IMAGES.get(name, Image("", [])).folder(one.name)
-    return f"`build/{folder + '/' if folder else ''}firmware.hex`"
+    row = IMAGES.get(name, Image("", [one.name]))
+    folder = row.folder(one.name)
+    return f"`build/{folder + '/' if folder else ''}firmware.hex`" if one.name in row.dialects else "-"
 
 
 def documents() -> str:
@@ -32,6 +33,23 @@ def refresh() -> str:
 
     rows = [[f"`{name}`", shown(one, True), shown(one, False)] for name, one in DIALECTS.items()]
     return table(["dialect", "with it", "without it"], rows)
+
+
+def options() -> str:
+    """Every option, and its image of the default dialect."""
+    rows = []
+    for option in OPTIONS.values():
+        of = [image(DIALECTS[DEFAULT], name) for name, row in IMAGES.items() if [*row.set] == [option.name]]
+        usual = [f"`{one.name}`" for one in DIALECTS.values() if option.name in one.options]
+        rows.append(
+            [
+                option.name,
+                re.sub(r" \([A-Z]+-\d+(, [A-Z]+-\d+)*\)", "", option.about),
+                ", ".join(usual) or "none",
+                ", ".join(one for one in of if one != "-") or "none",
+            ]
+        )
+    return table(["option", "meaning", "on by default in", "image of `card` with another value"], rows)
 
 
 def difference(one: Dialect) -> dict[str, str]:
@@ -90,4 +108,9 @@ def with_codes(text: str) -> str:
     return re.sub(r"^\| \*\*\d+\*\* \| [0-9A-F]{2}h \| .*\|$", fresh, text, flags=re.MULTILINE)
 
 
-BLOCKS = {"dialects": documents, "differences": differences, "status-images": refresh}
+BLOCKS = {
+    "dialects": documents,
+    "options": options,
+    "differences": differences,
+    "status-images": refresh,
+}

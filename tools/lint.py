@@ -19,6 +19,7 @@ from pathlib import Path
 
 from constraints.boards import boards
 from regs import dialects
+from regs.generated import mailbox
 from rtl.command import run_main
 from rtl.sources import (
     FILE_LIST,
@@ -242,22 +243,48 @@ def half_rules(rules: dict[str, str], tests: dict[str, str]) -> list[str]:
     return wrong
 
 
+def half_registers() -> list[str]:
+    """Fields of the map without their port in the module that decodes it, or without its wire."""
+    fields = {f"{register}.{field}": about.port for register, row in mailbox.REGISTERS.items()
+              for field, about in row.fields.items() if about.port}  # fmt: skip
+    forms = {"rtl/mailbox_regs.v": r"put +(?:wire|reg) .*\b{0},?$", "rtl/mailbox.v": r"\.{0}\({0}\)"}
+    return [
+        f"{file}: no port {port} of {field} (regs/mailbox.rdl)"
+        for file, form in forms.items()
+        for field, port in fields.items()
+        if not re.search(form.format(port), (ROOT / file).read_text(), re.MULTILINE)
+    ]
+
+
+def half_dialects() -> list[str]:
+    """Dialects of the table or the oracle alone, drives without a table, images of no dialect."""
+    wrong = []
+    for d in sorted(dialects.DIALECTS.keys() | DIALECTS.keys()):
+        parts = {dialects.TABLE: dialects.DIALECTS, "tb/model/card.py": DIALECTS}
+        wrong += [f"dialect {d}: no row in {part}" for part, rows in parts.items() if d not in rows]
+    for d in dialects.DIALECTS.values():
+        wrong += [
+            f"dialect {d.name}: no sim/drive/{p}.csv"
+            for p in d.profiles
+            if not (ROOT / f"sim/drive/{p}.csv").exists()
+        ]
+    for image in dialects.IMAGES.values():
+        wrong += [f"image {image.name}: no dialect {d}" for d in image.dialects if d not in dialects.DIALECTS]
+    return wrong
+
+
 def half_made() -> list[str]:
-    """Campaigns, rules, dialects and options of which a part is missing; boards: constraints.boards."""
+    """Campaigns, rules, registers, dialects, options without a part of theirs; boards: constraints.boards."""
     rules = trace.read_rules()
     tests = {name(path): path.read_text() for path in source_files() if path.name.startswith("test_")}
     wrong = half_campaigns() + rows_and_citations(rules) + half_rules(rules, tests)
     source = "".join(path.read_text() for path in (ROOT / "sw").glob("[is]*/*.[ch]"))
-    used = set(
-        re.findall(r"\w+", re.sub("by make regs: options.*?end of options", "", source, flags=re.DOTALL))
-    )
+    source = re.sub(r"by make regs: options.*?end of options|/\*.*?\*/", "", source, flags=re.DOTALL)
+    used = set(re.findall(r"\w+", source))
     wrong += [f"option {o}: no C file uses it" for o in dialects.OPTIONS if o not in used]
-    tested = "".join(tests.values())
+    tested = re.sub("#.*", "", "".join(tests.values()))
     wrong += [f"option {o}: no test builds with it" for o in dialects.OPTIONS if o not in tested]
-    for d in sorted(dialects.DIALECTS.keys() | DIALECTS.keys()):
-        parts = {dialects.TABLE: dialects.DIALECTS, "tb/model/card.py": DIALECTS}
-        wrong += [f"dialect {d}: no row in {part}" for part, rows in parts.items() if d not in rows]
-    return wrong
+    return wrong + half_registers() + half_dialects()
 
 
 def registers() -> list[str]:

@@ -251,7 +251,8 @@ class Card:
                 f"exception {code} to an unknown function is of no dialect",
                 f"Name the dialect all the same: --dialect {', '.join(DIALECTS)}",
             )
-        return fits[0]
+        # One that differs in neither is as good as the first.
+        return self.dialect if self.dialect in fits else fits[0]
 
     # ------------------------------------------------------------ coils and registers
 
