@@ -566,7 +566,7 @@ NUMBER, TEXT, PROCESS = "03 1413 0002", "03 1841 0004", "05 0000 FF00"
     ],
 )
 def test_a_telegram_that_does_not_fit_is_no_reply(card: Translator, pdu: str, drive: str, what: str):
-    if pdu == TEXT and not DIALECTS[card.dialect].text_by_size:
+    if pdu == TEXT and not DIALECTS[card.dialect].traits["text_by_size"]:
         reply_to(card, "06 0000 0400")
     txn = card.do(H(pdu))
     before = card.state()

@@ -366,7 +366,7 @@ def test_parameters_are_read_and_written(tmp_path, dialect):
         if dialect != STANDARD:
             assert card.ask("write", "225", "-2")["after"] == "-2.000 Hz"
         card.stop()  # its log is complete then
-        register = {"card": "40001"}.get(dialect, "40009")
+        register = f"{40001 + DIALECTS[dialect].index_register}"
         said = [
             f.what for f in card.frames() if f.line == "modbus" and f"write register {register}" in f.what
         ]
