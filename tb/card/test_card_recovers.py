@@ -79,8 +79,9 @@ class Rubbish:
         return self.frame(self.bytes(12), 2 ** self.rng.uniform(-1, 1))
 
     def torn(self) -> Wave:
+        """Without the last character or more: one without its last ones alone would be whole."""
         wave = self.frame(REQUESTS[2])
-        return wave[: self.rng.randrange(1, len(wave))]
+        return wave[: self.rng.randrange(1, len(wave) - CHARACTER_BITS)]
 
     def damaged(self) -> Wave:
         data = bytearray(REQUESTS[2])
