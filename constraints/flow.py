@@ -275,7 +275,7 @@ def place_and_route(entry: Board, folder: Path, name: str, seed: int, more: Sequ
 
 
 def utilisation(log: str, column: int = 0) -> dict[str, int]:
-    """What a design uses of each kind of cell, or in column 1 what the part has, as nextpnr prints it."""
+    """Numbers of nextpnr's table of cells: those that the design uses, or with column 1 those of the part."""
     found = re.findall(r"^Info:\s+(\w+):\s+(\d+)/\s*(\d+)", log, re.MULTILINE)
     return {kind: int(counts[column]) for kind, *counts in found}
 

@@ -277,7 +277,7 @@ def python_constants(registers: Map) -> str:
 
 
 def verilog_fields(registers: Map) -> tuple[list[str], list[str]]:
-    """Lines for the proofs: what is read, and the ports of the written fields with the values that they get.
+    """Lines for the proofs. The first list has what is read, the second the written fields and their values.
 
     A byte of the second word without a register repeats that of the first. The events have flags: g_events.
     """
