@@ -25,7 +25,6 @@ from pathlib import Path
 
 from peakrdl_cheader.c_standards import CStandard
 from peakrdl_cheader.exporter import CHeaderExporter
-from peakrdl_markdown import MarkdownExporter
 from systemrdl import RDLCompiler
 from systemrdl.node import FieldNode, RegNode
 
@@ -91,11 +90,11 @@ def field_reset(field: FieldNode) -> int | None:
     return reset if isinstance(reset, int) else None
 
 
-def enum_members(field: FieldNode) -> list[tuple[str, int, str]]:
-    """Name, value and description of each named value of a field; empty if it has none."""
+def enum_members(field: FieldNode) -> list[tuple[str, int]]:
+    """Name and value of each named value of a field; empty if it has none."""
     enum = field.get_property("encode")
     members = enum.members.values() if enum else []
-    return [(member.name, member.value, squeeze(member.rdl_desc or "")) for member in members]
+    return [(member.name, member.value) for member in members]
 
 
 def c_header(registers: Map) -> str:
@@ -124,7 +123,7 @@ def c_header(registers: Map) -> str:
     for reg in registers.registers:
         for field in reg.fields():
             name = f"MAILBOX__{reg.inst_name}__{field.inst_name.upper()}"
-            for value, number, _ in enum_members(field):
+            for value, number in enum_members(field):
                 lines.append(f"#define {name}__{value.upper()} {number}u")
     head, tail = text.split("#include <stdint.h>\n", 1)
     text = f"{head}#include <stdint.h>\n\n" + "\n".join(lines) + "\n" + tail
@@ -137,45 +136,6 @@ def linker_script(registers: Map) -> str:
         f"/* Generated from {RDL} by `make regs`; edit that file, not this one. */\n"
         f"FRAMES_BYTES = {registers.frames_bytes};\n"
     )
-
-
-def markdown_page(registers: Map) -> str:
-    with tempfile.TemporaryDirectory() as folder:
-        path = Path(folder) / "registers.md"
-        MarkdownExporter().export(registers.mailbox, str(path), [RDL], "mailbox")
-        text = path.read_text()
-    text = re.sub(r"\A\s*<!-.*?-->\n", "", text, flags=re.DOTALL)
-    text = re.sub(r"</?p>", "", text)
-    text = re.sub(r"\n{3,}", "\n\n", text)
-    for field in (field for reg in registers.registers for field in reg.fields()):
-        if members := enum_members(field):
-            head, found, tail = text.partition(f"#### {field.inst_name} field\n")
-            about, rest = tail.lstrip("\n").split("\n\n", 1)
-            rows = "\n".join(f"| {value} | `{name}` | {desc} |" for name, value, desc in members)
-            text = f"{head}{found}\n{about}\n\n| Value | Name | Meaning |\n|---|---|---|\n{rows}\n\n{rest}"
-    # Written here, because the exporter makes a chapter of every byte of a frame.
-    lines = ["## Frame memory", "", squeeze(registers.frames.get_property("desc")), ""]
-    lines += [
-        f"From 0x{registers.frames_base:08X} on. The bytes of a frame are {WORD_BYTES} bytes apart.",
-        "",
-    ]
-    for lane in registers.frames.children():
-        lines += [f"### {lane.get_property('name')}", "", "| Address | Bytes | Identifier | Content |"]
-        lines += ["|---|---|---|---|"]
-        for area in lane.registers():
-            address = registers.frames_base + area.raw_absolute_address
-            count = area_length(area) * area.size
-            about = f"{area.get_property('name')}. {squeeze(area.get_property('desc'))}"
-            lines.append(f"| 0x{address:08X} | {count} | {area.inst_name} | {about} |")
-        lines.append("")
-    lines = [*banner("", RDL).strip().split("\n "), "site: 730 Reference"]
-    comments = "".join(f"<!-- {line} -->\n" for line in lines)
-    return f"{comments}\n# Mailbox\n\n{text.strip()}\n\n" + "\n".join(lines).strip() + "\n"
-
-
-def squeeze(text: str) -> str:
-    """A description on one line."""
-    return " ".join(text.split())
 
 
 def python_constants(registers: Map) -> str:
@@ -264,7 +224,7 @@ def python_constants(registers: Map) -> str:
     for reg in registers.registers:
         for field in reg.fields():
             if members := enum_members(field):
-                values = ", ".join(f'"{name}": {value}' for name, value, _ in members)
+                values = ", ".join(f'"{name}": {value}' for name, value in members)
                 lines.append(f'    ("{reg.inst_name}", "{field.inst_name}"): {{{values}}},')
     lines += ["}", "", "AREAS = {"]
     for area in registers.areas:
@@ -667,7 +627,6 @@ def generate() -> dict[str, str]:
         "regs/generated/mailbox.h": c_header(registers),
         "regs/generated/frames.ld": linker_script(registers),
         "regs/generated/mailbox.py": python_constants(registers),
-        "docs/reference/registers.md": markdown_page(registers),
         "regs/generated/card_tables.v": card_verilog(card),
         "regs/generated/card_tables.py": card_python(card),
         "regs/generated/card_tables.h": card_cpp(card),

@@ -199,7 +199,7 @@ class Replay:
         return [at for at, level in self.pins.edges[NUMBER[name]] if level]
 
     def counters(self) -> Counter[str]:
-        """The firmware's counters (docs/reference/registers.md)."""
+        """The firmware's counters (regs/mailbox.rdl)."""
         found: Counter[str] = Counter()
         for name in REASONS:
             word = self.pins.memory_word(self._first_counter + AREAS[name].slot)
