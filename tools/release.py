@@ -51,7 +51,7 @@ AGAIN = ROOT / "build/release-check"
 SUMS = "SHA256SUMS"
 CHANGELOG = ROOT / "CHANGELOG.md"
 # Folders of build/ that the site shows; their commands have written them before.
-SHOWN = ("reports", "pictures", "diagrams")
+SHOWN = ("reports", "pictures", "diagrams", "pages")
 # Folders of sw/firmware.mk with the images of an option, or of all at once.
 OPTIONS = {name.rpartition("/")[2] for name in IMAGES}
 # The date of every file in the archive, the first that zip knows.

@@ -37,11 +37,7 @@ def register_rows(head: str) -> list[Row]:
     return rows("registers-and-parameters", head)
 
 
-EXAMPLE_BLOCK = next(
-    block[2]
-    for block in handbook.BLOCK.finditer((PAGES / "examples.md").read_text())
-    if block[1] == "examples"
-)
+EXAMPLE_BLOCK = handbook_examples.worked_examples()
 
 
 def numbers(text: str) -> range:
