@@ -8,7 +8,7 @@ A sample of the mutants that `make mutate` and `make mutate-firmware` try is dra
 at least one of each where the sample lasts. With them come the bugs of tb/planted.toml that a test or the
 fuzzer must see, and every fault of campaigns/conformance/fixture.py. Only tests that `make test` or .ci/run
 runs count. The first one that fails is named: a test or proof of the changed module or file, or else of the
-whole card. A mutant that is proved to behave like the original is no finding.
+whole card. A mutant with a reason why it behaves like the original is no finding.
 
 build/kills/matrix.json and matrix.tsv have a row for each. A run that was stopped goes on from there, unless
 a source has changed. Exit 1: nothing notices one of them.

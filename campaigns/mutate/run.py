@@ -10,7 +10,7 @@ A mutant is one change of the source: an operator, a constant, a condition that 
 removed assignment or connection. A change that does not compile is not a mutant. A mutant is caught if a
 proof of the module no longer holds, or if tb/*/test_MODULE.py or a bench of MORE_BENCHES fails, or if one of
 them takes far longer than on the unchanged module. Tests run on Icarus, or on Verilator if a test runs only
-there. A mutant that is not caught is the same if campaigns/mutate/same.py proves that it behaves like the
+there. A mutant that is not caught is the same if campaigns/mutate/survivors.toml says why it behaves like the
 original, and survives otherwise. Each module writes build/mutate/MODULE.json, from which an interrupted run
 continues. The report lists both kinds. Exit 1: a mutant survives.
 """
@@ -26,10 +26,10 @@ import signal
 import subprocess
 import sys
 import time
+import tomllib
 from dataclasses import asdict, dataclass
 from pathlib import Path
 
-from campaigns.mutate.same import TOP, SameError, proved_same, proved_same_inverted
 from formal import prove
 from rtl.command import Parser, run_main, threads
 from rtl.report_page import evidence, publish
@@ -39,11 +39,12 @@ from tb.lib.options import at_least
 
 WORK = ROOT / "build/mutate"
 TEMPLATE = ROOT / "campaigns/mutate/mutants.md.in"
+EXCUSES = ROOT / "campaigns/mutate/survivors.toml"
+TOP = "rtu2fc"
 HEADER = (
-    "| module | possible | tried | by proof | by test | proved the same | survived | caught | of |\n"
+    "| module | possible | tried | by proof | by test | the same | survived | caught | of |\n"
     "|---|---:|---:|---:|---:|---:|---:|---:|---|"
 )
-SAME = "proved the same"
 LONGEST_S = 900  # for the unchanged module; a mutant has TIMES_LONGER of the measured time
 TIMES_LONGER = 5
 LEAST_S = 180  # the unchanged module may be built already, and need not be proved again
@@ -221,15 +222,13 @@ def shuffled(module: str, seed: int) -> list[Mutant]:
     return found
 
 
-def inverted_input(text: str, mutant: Mutant) -> tuple[Path, str] | None:
-    """File and input of the instance whose connection the mutant inverts."""
-    if mutant.text != f"~({text[mutant.start : mutant.end]})":
-        return None
-    port = re.search(r"\.(\w+)\s*\($", text[: mutant.start])
-    before = text[: mutant.end] + ");\n  );"  # the instance ends after its changed connection
-    child = [found[1] for found in re.finditer(INSTANCE, before, re.M | re.DOTALL)][-1:]
-    path = next((path for path in rtl_files() if [path.stem] == child), None)
-    return (path, port[1]) if path and port else None
+def excused() -> set[tuple[str, str]]:
+    """Module and change of each mutant that has a reason, which ends with a change of the module."""
+    rows = tomllib.loads(EXCUSES.read_text())["mutant"]
+    now = {path.stem: fingerprint(path) for path in rtl_files()}
+    if old := [row["module"] for row in rows if now[row["module"]] != row["of"]]:
+        print(f"mutate: {EXCUSES.name}: another {old[0]}.v: try its mutants again", file=sys.stderr)
+    return {(row["module"], change) for row in rows if row["module"] not in old for change in row["changes"]}
 
 
 def copy_project(root: Path) -> None:
@@ -341,17 +340,6 @@ class Tree(Copy):
         passed, output = self.run(sys.executable, *proof)
         return "" if passed or (changed and "ERROR" in output) else f"make formal MODULE={self.module}"
 
-    def same(self, mutant: Mutant) -> bool:
-        folder = ROOT / "build/mutate" / f"same-{self.root.name}"
-        try:
-            if proved_same(self.file, folder):
-                return True
-            inverted = inverted_input(self.original, mutant)
-            return inverted is not None and proved_same_inverted(*inverted, folder)
-        except SameError as error:
-            print(f"{self.module}: {error}", file=sys.stderr, flush=True)
-            return False
-
     def baseline(self) -> None:
         """Runs all checks on the unchanged module, which must pass; sorts them by time."""
         if not self.compiles():
@@ -382,7 +370,8 @@ class Tree(Copy):
                     if node := self.failing(name):
                         mutant.verdict, mutant.by, mutant.node = "caught", name, node
                         break
-                if mutant.verdict == "survived" and self.same(mutant):
+                change = f"{mutant.before} -> {mutant.after}"
+                if mutant.verdict == "survived" and (self.module, change) in excused():
                     mutant.verdict = "same"
         finally:
             self.file.write_text(self.original)
@@ -485,7 +474,7 @@ def row_of(module: str, of: str, possible: int, group: list[Mutant]) -> str:
 
 
 def survivor_of(mutant: Mutant) -> str:
-    verdict = SAME if mutant.verdict == "same" else "survived"
+    verdict = "the same" if mutant.verdict == "same" else "survived"
     return f"- `{mutant.module}`: `{mutant.before}` → `{mutant.after}`: {verdict}"
 
 
@@ -536,7 +525,7 @@ def write_document(rows: dict[str, str], survivors: list[str]) -> None:
     possible = sum(int(re.search(r"\| (\d+) ", row)[1]) for row in table)
     bound = 100 * at_most(survived, total)
     summary = f"{total - survived} of {total} caught, {100 * (1 - survived / total):.1f} %."
-    summary += f" A solver proved {alike} more to behave like the original."
+    summary += f" {alike} more behave like the original."
     if missing:
         summary += " Not run yet: " + ", ".join(f"`{module}`" for module in missing) + "."
     summary += (
