@@ -83,14 +83,14 @@ DESCRIBED = /^""".*; `make [a-z-]+`\.("""|$$)/
 #:   SIM=name      icarus or verilator (test, nightly, waves); CARD=name: the whole card's tests as this card
 #:   FOLDERS=names of these folders the tests that are not in make test (nightly)
 #:   SEED=n        seed of random tests and campaigns; without it the tests take a fixed seed, campaigns draw one
-#:   NAME=value    of a campaign: its option --name; `python -m campaigns.FOLDER.run --help` lists them
+#:   NAME=value    of a campaign: its option --name; `python -m campaigns.FOLDER.run --help` lists them. Of those that
+#:                 count cases: ON=address of a Dask scheduler; PART=I/N: each N-th case; STORE=file; PAGE=yes
 #:   RUNS=n        executions (fuzz-firmware)
 #:   MODULE=name   a module of rtl/ (formal, formal-flips); BOARD=name: a board of constraints/boards.toml, or the file of your own (synth, image)
-#:   FILE=name     a recording (wireshark, telegrams, replay); FIRMWARE=file: an image (image); SHARD=I/N: a part
-#:                 (mutate-firmware)
+#:   FILE=name     a recording (wireshark, telegrams, replay); FIRMWARE=file: an image (image)
 #:   UNIT=, BAUD=, CHANNEL=name, FORMAT=8N2, INVERT=yes, REPLIES=no, FOR=s, DIALECT=name, STRICT_T15=no,
 #:   BREAK_TOLERANT=yes   docs/guide/debugging.md (replay)
-#:   JOBS=n        processes; default: 2. CHECK=1: write nothing (coverage-firmware)
+#:   JOBS=n        processes; default: 2. CHECK=1: write nothing (coverage-firmware, evidence)
 #:   PORT=device   of a real card's adapter; UNIT=, BAUD=, FORMAT=, DIALECT= as the card is set; DRIVE=yes: a drive is
 #:                 connected; BOOT=yes, ROW=text, START=percent: docs/guide/bring-up.md (selftest)
 #:   EXTENDED_SWITCHES=1   38400 and 115200 bit/s and 8N1 (card); BOARD=name-extended likewise (synth, image, release)
@@ -179,14 +179,11 @@ bench-tiny: firmware | setup-test ## the same of the small card
 bench-fast: bench-card drive | setup-test ## the part of the bench that `make test` runs
 	@$(RUN) campaigns.bench.run --fast $(BENCH_ARGS)
 
-figures: | setup-test ## * which measured figures are of an older card, and what renews them (3 s)
-	@$(RUN) tools.figures
+evidence: | setup-test ## * renew every measured page that is of another card (2 h; ONLY=report; CHECK=1: only name them)
+	@$(RUN) tools.evidence $(if $(CHECK),--check) $(if $(ONLY),--only "$(ONLY)") $(if $(AGAIN),--again)
 
-fuzz-plants: firmware drive | setup-test ## how many frames each planted bug lives
-	@$(RUN) campaigns.fuzz.run --plants --seed $(or $(SEED),1) --count $(or $(COUNT),20000)
-
-flips-report: | setup-test ## all shards of flips in build/fuzz as one table
-	@$(RUN) campaigns.flips.run --report
+results: | setup-test ## add the results of other machines: make results FILES="one.sqlite two.sqlite"
+	@$(RUN) campaigns.engine merge $(FILES)
 
 ##@ Firmware
 coverage-firmware: firmware | setup-firmware ## branches of the firmware that its host tests take (CHECK=1)
@@ -195,8 +192,8 @@ coverage-firmware: firmware | setup-firmware ## branches of the firmware that it
 fuzz-firmware: | setup-firmware ## fuzz the firmware against its oracles (RUNS=)
 	@$(RUN) sw.test.fuzz $(if $(RUNS),--runs $(RUNS)) $(if $(SEED),--seed $(SEED)) --jobs $(JOBS) --write
 
-mutate-firmware: firmware | setup-firmware ## mutants of the translation core that its tests catch (SHARD=I/N)
-	@$(RUN) sw.test.mutate $(if $(SHARD),--shard $(SHARD),--jobs $(JOBS) --write)
+mutate-firmware: firmware | setup-firmware ## mutants of the translation core that its tests catch
+	@$(RUN) sw.test.mutate --jobs $(JOBS)
 
 ##@ Build for hardware
 synth: firmware | setup-synth ## * bitstreams and resource use (22 min; BOARD=name: one board; all boards write the report)
@@ -266,13 +263,14 @@ CAMPAIGNS := $(shell awk 'FNR == 1 { needs = "$(NEEDS)" } sub(/^\# needs: /, "")
 	$(DESCRIBED) { gsub(" ", ",", needs); sub(/`\..*/, ""); sub(/.*`make /, ""); \
 	print $$0 "=" FILENAME "=" needs }' campaigns/*/*.py)
 GIVEN = $(strip $(foreach name,$(.VARIABLES),$(if $(filter command,$(origin $(name))),$(name))))
-OPTIONS = $(foreach name,$(filter-out V %_ARGS $(if $(findstring "--jobs",$(file <$(1))),,JOBS),$(GIVEN)),--$(shell \
+OPTIONS = $(foreach name,$(filter-out V %_ARGS $(if $(findstring --jobs,$(file <$(1)))$(findstring campaigns/engine.py,$(file <$(1))),,JOBS),$(GIVEN)),--$(shell \
 	tr A-Z_ a-z- <<<'$(name)') "$($(name))")
 comma := ,
 # Name, file and prerequisites.
 define campaign
 .PHONY: $(1)
 $(1): $(subst $(comma), ,$(3))
+	@$(if $(ON),tools/setup.sh machines)
 	@$$(RUN) $(subst /,.,$(basename $(2))) $$(call OPTIONS,$(2)) $$($$(call upper,$(1))_ARGS)
 
 endef
@@ -289,7 +287,7 @@ version: ## the version of the release, as in VERSION
 
 setup: setup-all ## install everything at once, but for make masters (the other commands install what they need)
 
-LAYERS := demo test views pages lint firmware synth docs masters all
+LAYERS := demo test views pages lint firmware synth docs masters machines all
 .PHONY: $(LAYERS:%=setup-%) $(shell sed -n 's/^\([a-z-]*\):\( .*\)\?$$/\1/p' Makefile)
 $(LAYERS:%=setup-%): setup-%:
 	@tools/setup.sh $*

@@ -193,7 +193,9 @@ def half_campaigns(folder: Path = ROOT / "campaigns") -> list[str]:
             wrong.append(
                 f'{shown}/run.py: the first line of its description does not end with "; `make NAME`."'
             )
-        if not any("def test_" in path.read_text() for path in campaign.glob("test_*.py")):
+        # campaigns/test_engine.py runs a case of each campaign that has none of its own.
+        counts = program.exists() and "CAMPAIGN = " in program.read_text()
+        if not counts and not any("def test_" in path.read_text() for path in campaign.glob("test_*.py")):
             wrong.append(f"{shown}: no test_*.py with a test")
     targets = re.findall(r"^([a-z][\w-]*)(?=[ a-z-]*:[^=])", (ROOT / "Makefile").read_text(), re.MULTILINE)
     programs = [

@@ -9,7 +9,8 @@
 #
 # Layers: demo (the virtual card and its masters), test (make test), views (Wireshark, sigrok), pages (Chromium),
 # lint, firmware (fuzzers and coverage of the firmware), synth (place and route), docs (the documentation site), all.
-# masters (the Debian packages of `make masters`) is not part of all: no test needs it.
+# masters (the Debian packages of `make masters`) and machines (Dask, for the campaigns' ON=ADDRESS) are not part of all: no
+# test needs them.
 # Megabytes of each layer alone, on Debian 12.11, amd64:
 #             demo  test  views  pages  lint  firmware  synth  docs   all
 #   download   108     5     36    204    71        66      3     0   403   Debian packages
@@ -40,7 +41,8 @@ PATH=${PATH//"$venv/bin:"/}
 
 declare -A below=(
   [demo]="" [test]="demo" [views]="demo test" [pages]="demo test" [lint]="demo test synth" [firmware]="demo test"
-  [synth]="demo test" [docs]="" [masters]="demo" [all]="demo test views pages lint firmware synth docs"
+  [synth]="demo test" [docs]="" [masters]="demo" [machines]="demo test"
+  [all]="demo test views pages lint firmware synth docs"
 )
 
 # Layer, kind of thing to look for (a command, a command of LLVM, a header, a library of clang, a Perl or Python
@@ -233,7 +235,7 @@ fi
 mkdir -p "$root/build"
 : >"$venv/FUSESOC_IGNORE"
 : >"$root/build/FUSESOC_IGNORE"
-for layer in demo test views pages lint firmware synth docs; do
+for layer in demo test views pages lint firmware synth docs machines; do
   [[ " $layers " == *" $layer "* ]] || continue
   stamp=$(python_packages "$layer" | sha256sum)" $venv"
   if [ "$(cat "$venv/setup.$layer" 2>/dev/null)" != "$stamp" ]; then

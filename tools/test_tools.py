@@ -111,8 +111,8 @@ def test_a_wrong_command_is_one_line(words, said):
     ("words", "said"),
     [
         (
-            ("waves", "TEST=test_figures"),
-            "waves: 'test_figures' fits no test that simulates the card or a module",
+            ("waves", "TEST=test_evidence"),
+            "waves: 'test_evidence' fits no test that simulates the card or a module",
         ),
         (("selftest", "PORT="), "say which port: make selftest PORT=/dev/ttyUSB0"),
         (("replay", "FILE=bus.sr", "UNIT=1"), "say which: make replay FILE=bus.sr UNIT=1 BAUD=9600"),
@@ -131,7 +131,7 @@ def test_a_command_without_what_it_needs_is_one_line(words, said):
 def test_help_all_lists_every_target():
     targets = re.findall(r"^([a-z-]+):(?!=)", (ROOT / "Makefile").read_text(), re.MULTILINE)
     every, daily = listed("help-all"), listed()
-    assert {*targets, "fuzz", "line-quality", "soak-page"} <= {"help", *every}
+    assert {*targets, "fuzz", "line-quality", "soak"} <= {"help", *every}
     assert {"demo", "run", "test", "lint", "synth"} <= set(daily) <= set(every) and len(daily) <= 15
 
 
@@ -144,7 +144,7 @@ def test_a_variable_of_the_environment_starts_no_motor():
 
 def test_a_variable_is_an_option_of_a_campaign():
     done = command("make", "-n", "soak", "COUNT=5", "JOBS=4")
-    assert done.stdout.splitlines()[-1].endswith('campaigns.soak.run --count "5" ')
+    assert done.stdout.splitlines()[-1].endswith('campaigns.soak.run --count "5" --jobs "4" ')
     assert '--jobs "4"' in command("make", "-n", "mutate", "JOBS=4").stdout
 
 

@@ -47,6 +47,7 @@ RTL = ROOT / "rtl"
 BAUD = BAUDS[0]
 LINE = LineFormat(BAUD, FORMS[BAUD], clk_hz(BAUD))
 START = bytes.fromhex("010f 0000 0010 02 7c04")  # only coils 1 to 16
+READING = rtu.read_registers(5139, 1)
 COMMAND = rtu.build(1, rtu.write_coils(0, [bool(0x047C >> i & 1) for i in range(16)]))
 CONFIRMED = rtu.build(1, bytes.fromhex("0F 00 00 00 10"))
 TELEGRAM = build_process(0x047C, 0)
@@ -426,6 +427,22 @@ def test_verdict_on_telegrams(asked, sent, replies, expected):
     assert verdict_of(asked, sent, replies) == expected
 
 
+@each_row(
+    ("newer", "expected"),
+    [
+        ([READING], FORBIDDEN[1]),  # it waits for the drive
+        ([READING, rtu.read_coils(0, 8)], "telegram again or late"),  # the reading waits no more
+        ([rtu.write_register(5, 1), rtu.read_coils(0, 8)], "telegram again or late"),  # a refused write
+        ([rtu.write_register(5139, 1), rtu.read_coils(0, 8)], FORBIDDEN[0]),  # the write waits still
+    ],
+)
+def test_a_repeat_waits_for_no_newer_telegram(newer, expected):
+    """Of a command whose reply was lost (FC-9, FRAME-7)."""
+    ms = LINE.clk_hz / 1000
+    later = [each for n, pdu in enumerate(newer) for each in heard(rtu.build(1, pdu), (80 + 20 * n) * ms)]
+    assert verdict_of(COMMAND, [(TELEGRAM, 50), (TELEGRAM, 200)], [], later) == expected
+
+
 @pytest.mark.rule("SAFE-4", "WDG-1")
 @each_row("confirmed", [True, False])
 @each_row("reset_ms", [NEVER, 80.0])
@@ -458,24 +475,10 @@ def class_of(played: Played) -> str:
     return classify(Flip(0, "somewhere", 0, 0, "card"), played, Verdict(), player, set()).what
 
 
-@pytest.mark.parametrize("what", [FORBIDDEN[0], FORBIDDEN[-1], DISTURBED])
-def test_exit_code_reports_an_unrequested_command(monkeypatch, what):
-    bits = dict.fromkeys(PARTS, 8)
-    result = {
-        "seed": 1,
-        "config": "standard",
-        "card": "one",
-        "baud": BAUD,
-        "bits": bits,
-        "counts": {f"card: {what}": 1},
-        "flips": 1,
-    }
-    result |= {"cpu_s": 1.0, "notable": [{"trial": "1/0", "flip": "x", "what": what, "why": "y"}]}
-    monkeypatch.setattr(flips, "shard", lambda *about: result)
-    monkeypatch.setattr(flips, "Places", lambda *about: None)
-    monkeypatch.setattr(flips, "refuse_to_lose_a_longer_result", lambda *about: None)
-    monkeypatch.setattr("sys.argv", ["flips"])
-    assert flips.main() == int(what in FORBIDDEN)
+@each_row("what", [FORBIDDEN[0], FORBIDDEN[-1], DISTURBED])
+def test_an_unrequested_command_is_wrong(what):
+    notable = [{"trial": "1/0", "flip": "x", "what": what, "why": "y"}]
+    assert bool(flips.CAMPAIGN.wrong({"notable": notable})) == (what in FORBIDDEN)
 
 
 def test_each_bit_of_the_memory_is_there_once_and_every_part_can_be_chosen(places):

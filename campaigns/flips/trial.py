@@ -453,9 +453,10 @@ def _requested_by(
 
     A telegram leaves once, and is repeated once: not after the reply, and none to all drives (FC-9). A write
     may have waited for an exchange (FRAME-7): the newest of its kind, or one of those after `turn`. It is
-    repeated while no newer request has a telegram.
+    repeated while no newer request waits with a telegram; a reading that is not the newest waits no more.
     """
     passed: set[str] = set()  # kinds of the newer writes
+    waiting = False  # a newer request
     for number in range(len(wanted) - 1, -1, -1):
         _, end, adu = frames[number]
         newest = number == len(wanted) - 1
@@ -469,11 +470,12 @@ def _requested_by(
                 for reply in played.replies
             )
             left = sent[number]
-            repeat = len(left) == 1 and not to_all and not any(wanted[number + 1 :])
+            repeat = len(left) == 1 and not to_all and not waiting
             if not reply_sent and (not left or repeat):
                 return number
         if write and end < turn:
             passed.add(kind)
+        waiting = waiting or (bool(wanted[number]) and (newest or write))
     return None
 
 

@@ -1,37 +1,36 @@
 # SPDX-License-Identifier: Apache-2.0
 """Masters that do not wait: was the drive told what the image shows (SAFE-8); `make impatient`.
 
-    python -m campaigns.fuzz.impatient [--config tiny] [--seed N] [--count SEQUENCES] [--jobs N] [--jams]
+    python -m campaigns.fuzz.impatient [--config tiny] [--seed N] [--count SEQUENCES] [--jams]
 
 A sequence is 4 to 12 requests with time-outs of 5 to 400 ms, often a start, a slow reading, a stop and a
 write of a parameter. The drive answers after 3 to 120 ms, too late, never, or again to the telegram before;
 with --jams something keeps its line busy at times. Then both lines come to rest, and the master reads coils
 1-32. tb/model/told.py and whole_card.py judge. Of the first differences the smallest case found is kept:
 `make fuzz REPLAY=FILE` plays it. Exit 0: no difference; 1: differences; 2: an invalid command line or a
-missing tool.
+missing tool. Other options: campaigns/engine.py.
 """
 
 from __future__ import annotations
 
-import functools
 import json
 import random
-import time
+from argparse import Namespace
 
+from campaigns.bench import fingerprint
+from campaigns.engine import Campaign, EngineError, Row, total
 from campaigns.fuzz.case import CLK_HZ, DRIVE_DELAY_BITS, Player
 from campaigns.fuzz.shrink import shrink
 from campaigns.fuzz.trial import followed, told
 from campaigns.soak.run import Traffic, wire
 from regs.dialects import DEFAULT, DIALECTS
 from regs.generated.card_tables import DRIVE_BAUD
-from rtl.command import Parser, in_processes, run_main
-from rtl.sources import ROOT, SourcesError, configuration, configurations
+from rtl.command import Parser, run_main
+from rtl.sources import ROOT, SourcesError, configuration
 from sim.harness.library import BuildError, Target
 from sim.harness.pins import BAUDS, FORMS
 from tb.agents import rtu
 from tb.agents.crc16 import with_crc
-from tb.lib.bound import SURE, words
-from tb.lib.options import at_least
 from tb.model.card import DRIVE_TIMEOUT, EEPROM
 from tb.model.told import Verdict
 from tb.model.wire import LineFormat
@@ -50,7 +49,6 @@ FAULTS = (0, 1, 2, 3, 4, 5, 17, 130)  # the last two say that the drive does not
 JAMS = 0.04  # of the requests, if asked for: then something keeps the drive line busy for up to 600 ms
 START, STOP = 0x047C, 0x043C
 LONG_WAIT = 25  # of register 40003: above, a silent drive costs much simulated time
-KEPT_MAX = 3  # differences whose cases are made smaller and kept
 SHRINK_TRIES = 40
 READ_IMAGE = rtu.read_coils(0, 32)
 
@@ -182,46 +180,52 @@ def make(seed: int, number: int, config: str, jams: bool = False) -> dict:
     return Maker(f"impatient/{seed}/{number}", config, number % OWN_CLOCK == OWN_CLOCK - 1, jams).case()
 
 
-def trial(number: int, seed: int, config: str, jams: bool = False) -> tuple[int, Verdict]:
-    return number, play(make(seed, number, config, jams), config)
+class Impatient(Campaign):
+    name, module = "impatient", "campaigns.fuzz.impatient"
+    unit = "sequences"
+    count = 100
+
+    def options(self, parser: Parser) -> None:
+        parser.add_argument(
+            "--jams", action="store_true", help="something keeps the drive line busy at times"
+        )
+
+    def cases(self, given: Namespace) -> list[str]:
+        return [f"{case}/jams" if given.jams else case for case in super().cases(given)]
+
+    def run(self, config: str, case: str) -> Row:
+        outcome = play(case_of(case, config), config)
+        return {
+            "wrong": "; ".join(outcome.differences),
+            "asked": outcome.asked,
+            "restless": outcome.restless,
+        }
+
+    def follow(self, config: str, case: str) -> str:
+        smaller = shrink(
+            case_of(case, config), lambda tried: bool(play(tried, config).differences), SHRINK_TRIES
+        )
+        path = FOLDER / f"case-impatient-{config}-{case.replace('/', '-')}.json"
+        path.parent.mkdir(parents=True, exist_ok=True)
+        path.write_text(json.dumps(smaller, indent=1) + "\n")
+        setting = "" if config == "standard" else f"CONFIG={config} "
+        return f"make fuzz {setting}REPLAY={path.relative_to(ROOT)}"
+
+    def judge(self) -> str:
+        return fingerprint.fuzz_judge()
+
+    def said(self, rows: dict[str, Row]) -> str:
+        sums = total(rows.values())
+        judged = f"{sums['asked']} readings of the image judged, {sums['restless']} not at rest"
+        return f"{super().said(rows)}; {judged}"
 
 
-def keep(seed: int, number: int, config: str, jams: bool) -> str:
-    case = make(seed, number, config, jams)
-    case = shrink(case, lambda tried: bool(play(tried, config).differences), SHRINK_TRIES)
-    path = FOLDER / f"case-impatient-{config}-{seed}-{number}.json"
-    FOLDER.mkdir(parents=True, exist_ok=True)
-    path.write_text(json.dumps(case, indent=1) + "\n")
-    return f"make fuzz {'' if config == 'standard' else f'CONFIG={config} '}REPLAY={path.relative_to(ROOT)}"
+def case_of(name: str, config: str) -> dict:
+    seed, number, *jams = name.split("/")
+    return make(int(seed), int(number), config, bool(jams))
 
 
-def main() -> int:
-    parser = Parser(prog="impatient", description=__doc__.splitlines()[0])
-    parser.add_argument("--seed", type=at_least(0), default=random.randrange(1 << 31))
-    parser.add_argument("--count", type=at_least(1), default=100, help="sequences; default 100")
-    parser.add_argument("--config", choices=configurations(), default="standard")
-    parser.add_argument("--jams", action="store_true", help="something keeps the drive line busy at times")
-    parser.add_argument("--jobs", type=at_least(1), default=2)
-    options = parser.parse_args()
-    print(f"impatient: {options.config} card, seed {options.seed}, {options.count} sequences", flush=True)
-    began, wrong, asked, restless = time.monotonic(), 0, 0, 0
-    work = functools.partial(trial, seed=options.seed, config=options.config, jams=options.jams)
-    for number, outcome in in_processes(options.jobs, work, range(options.count)):
-        asked, restless = asked + outcome.asked, restless + outcome.restless
-        if not outcome.differences:
-            continue
-        wrong += 1
-        print(f"impatient: DIFFERENCE in sequence {number}: {'; '.join(outcome.differences)}", flush=True)
-        if wrong <= KEPT_MAX:
-            print(f"impatient:   {keep(options.seed, number, options.config, options.jams)}", flush=True)
-    took = time.monotonic() - began
-    print(
-        f"impatient: seed {options.seed}, {options.count} sequences, {wrong} with a difference (with {SURE} "
-        f"confidence at most {words(wrong, options.count)} of all); {asked} readings of the image judged, "
-        f"{restless} not at rest; {options.count / took:.2f} sequences/s"
-    )
-    return 1 if wrong else 0
-
+CAMPAIGN = Impatient()
 
 if __name__ == "__main__":
-    run_main("impatient", main, BuildError, SourcesError)
+    run_main("impatient", CAMPAIGN.main, BuildError, EngineError, SourcesError)

@@ -1,56 +1,84 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Reads and merges the result files of any number of fuzz shards, for the page (campaigns/fuzz/page.py)."""
+"""What the page of the fuzzer shows: its frames, the impatient masters, the planted bugs and the flips."""
 
 from __future__ import annotations
 
-import json
-import re
-from collections import Counter
-from pathlib import Path
+from argparse import Namespace
+from typing import Any
 
-from rtl.sources import ROOT
+from campaigns.flips import report as rare
+from campaigns.flips import run as flips
+from campaigns.flips.trial import FORBIDDEN, PACES
+from campaigns.fuzz.case import clk_hz
+from tb.lib import bound
 
-FOLDER = ROOT / "build/fuzz"
-RESULT = re.compile(r"fuzz-\w+-\d+\.json")  # cases and results of flips are in the same folder
-SUMS = ("frames", "judged", "cases", "wall_s", "simulated_s")
-COUNTS = ("events", "outcomes", "rates", "unclear")
-
-
-class ReportError(Exception):
-    """Error for the user, in one line."""
+# campaigns/fuzz/aftermath.py checks these two after the point to which the judge can follow.
+UNJUDGED = "no unrequested telegram; every last request answered"
 
 
-def load(path: Path) -> dict:
-    try:
-        result = json.loads(path.read_text())
-        if not all(
-            key in result for key in ("seed", "config", "card", "differences", "worst", *SUMS, *COUNTS)
-        ):
-            raise ValueError
-    except (OSError, ValueError, TypeError) as error:
-        raise ReportError(f"{path} is no result of a fuzz shard") from error
-    return result
+def seeds(rows: dict[str, Any]) -> str:
+    return ", ".join(map(str, sorted({int(case.split("/")[0]) for case in rows})))
 
 
-def merge_each(results: list[dict]) -> list[dict]:
-    """The results of each card as one."""
-    configs = sorted({result["config"] for result in results})
-    return [merge([result for result in results if result["config"] == config]) for config in configs]
+def frames_in_all(cards: list[Namespace]) -> str:
+    """Frames of all cards, and how often one can differ."""
+    differences, judged = sum(card.wrong for card in cards), sum(card.tries for card in cards)
+    found = f"cases with a difference: {differences}" if differences else "no difference"
+    return (
+        f"{judged:,} frames of both cards judged to their end, each with the judge of its row: {found}, "
+        f"at most {bound.words(differences, judged)} of the frames at {bound.SURE}"
+    )
 
 
-def merge(results: list[dict]) -> dict:
-    """Merges results of one card; of several results with one seed only one counts."""
-    results = list({result["seed"]: result for result in results}.values())
-    if len({result["card"] for result in results}) > 1:
-        raise ReportError("the results come from different cards; remove the older ones")
-    merged: dict = {key: sum(result[key] for result in results) for key in SUMS}
-    for key in COUNTS:
-        merged[key] = sum((Counter(result[key]) for result in results), Counter())
-    merged["worst"] = {
-        what: max(result["worst"].get(what, 0.0) for result in results)
-        for what in sorted({what for result in results for what in result["worst"]})
+def masters_in_all(cards: list[Namespace]) -> str:
+    wrong, tries = sum(card.wrong for card in cards), sum(card.tries for card in cards)
+    return (
+        f"{tries:,} sequences of masters that do not wait, on both cards: {wrong} with a difference, "
+        f"at most {bound.words(wrong, tries)} of them at {bound.SURE}"
+    )
+
+
+def flips_in_all(cards: list[Namespace]) -> str:
+    """Flips of all cards, and how often one can do what is forbidden."""
+    count = sum(card.total["flips"] for card in cards)
+    harm = sum(entry["what"] in FORBIDDEN for card in cards for entry in card.total["notable"])
+    return (
+        f"{count:,} flips of both cards: {harm} unrequested or altered telegrams and stuck drivers, "
+        f"at most {bound.words(harm, count)} of the flips at {bound.SURE}"
+    )
+
+
+def conditions(card: Namespace) -> str:
+    """What the flips of one card did not vary."""
+    clocks = sorted({clk_hz(int(baud), PACES[card.config]) / 1e6 for baud in card.total["flips_at"]})
+    return (
+        f"The model's clock was {' or '.join(f'{clock:.4g}' for clock in clocks)} MHz, not the card's own. "
+        "Dialect `card`, and a drive that always answers."
+    )
+
+
+def context(
+    fuzzed: list[Namespace], masters: list[Namespace], flipped: list[Namespace], plants: list[tuple]
+) -> dict[str, Any]:
+    for card in flipped:
+        card.rates, card.table = flips.rates(card.total), "\n".join(flips.table(card.total))
+        card.conditions = conditions(card)
+        card.rare = "\n".join(rare.rare(rare.rare_counts(card.total["notable"])))
+    for card in (*fuzzed, *masters):
+        card.seeds = seeds(card.rows)
+    return {
+        "fuzzed": fuzzed,
+        "masters": masters,
+        "flipped": flipped,
+        "plants": plants,
+        "frames_in_all": frames_in_all(fuzzed),
+        "masters_in_all": masters_in_all(masters),
+        "flips_in_all": flips_in_all(flipped),
+        "events": sorted({name for card in fuzzed for name in card.total["events"]}),
+        "others": "the differences above include theirs" if any(card.wrong for card in fuzzed) else UNJUDGED,
+        "flips_judge": flips.CAMPAIGN.judge(),
     }
-    merged["differences"] = [{"seed": r["seed"], **d} for r in results for d in r["differences"]]
-    merged["seeds"], merged["card"] = sorted(result["seed"] for result in results), results[0]["card"]
-    merged["config"] = results[0]["config"]
-    return merged
+
+
+def statements(found: dict[str, Any]) -> str:
+    return "\n".join(f"{found[name]}." for name in ("frames_in_all", "masters_in_all", "flips_in_all"))

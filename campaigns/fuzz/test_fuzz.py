@@ -18,14 +18,12 @@ from itertools import pairwise
 import pytest
 
 from campaigns.fuzz import case_file
-from campaigns.fuzz import report as fuzz_report
-from campaigns.fuzz import run as fuzz
 from campaigns.fuzz.case import Pace, Played, clk_hz
 from campaigns.fuzz.plants import card_with, named
 from campaigns.fuzz.recorded import recorded_frames
-from campaigns.fuzz.run import CaseError, replay, shard, story
+from campaigns.fuzz.run import CaseError, replay, smaller
 from campaigns.fuzz.traffic import QUIET_PULSES_BITS, make
-from campaigns.fuzz.trial import aftermath, run
+from campaigns.fuzz.trial import aftermath, run, story, until
 from rtl.sources import ROOT
 from sim.harness.library import Target
 from tb.agents import rtu
@@ -38,7 +36,7 @@ from tb.model.fc_telegram import build_parameter, build_process
 from tb.model.whole_card import LineJudge
 from tb.model.wire import Burst, CardCharacter, FarCharacter, LineFormat, drive_line
 
-# Frames and rates of each shard: cheap rates, and shards with all rates. `make test` runs the last two.
+# Frames and rates: cheap rates, and all rates. `make test` runs the last two.
 SHARDS = (*((1200, (38400, 19200)),) * 2, (200, ()), (60, ()), (150, (38400, 19200)))
 EVERYWHERE = (
     *("FRAME-1", "FRAME-2", "FRAME-3", "FRAME-4", "FRAME-5", "FRAME-6", "FRAME-7", "FRAME-8"),
@@ -50,16 +48,16 @@ EVERYWHERE = (
 @pytest.mark.parametrize(
     "number", [*(pytest.param(number, marks=pytest.mark.nightly) for number in range(3)), 3, 4]
 )
-def test_random_lines_and_drives_show_no_difference(number, tmp_path):
+def test_random_lines_and_drives_show_no_difference(number):
     frames, bauds = SHARDS[number]
-    result = shard(seeded(f"fuzz {number}").randrange(1 << 31), frames, bauds=bauds, folder=tmp_path)
-    print(result)
-    assert not result.differences
-    assert result.judged >= frames
+    found = until(seeded(f"fuzz {number}").randrange(1 << 31), frames, Target(), bauds)
+    assert not found["differences"]
+    assert found["judged"] >= frames
     # Most frames must have been judged, and have tested something. One case in which the judge stops early is
-    # a fifth of the small shard.
-    assert result.judged > (0.85 if frames > 1000 else 0.5) * result.frames
-    assert result.outcomes["commit"] > frames / 4 and result.outcomes["reply of the drive"] > frames / 12
+    # a fifth of the small run.
+    assert found["judged"] > (0.85 if frames > 1000 else 0.5) * found["frames"]
+    assert found["outcomes"]["commit"] > frames / 4
+    assert found["outcomes"]["reply of the drive"] > frames / 12
 
 
 # Cases in which the card was right and an earlier judge was wrong.
@@ -126,11 +124,10 @@ def test_unrequested_commands_and_missing_answers_are_found_after_the_judge(name
 
 @pytest.mark.rule("FRAME-3")
 @pytest.mark.parametrize("frames", [80, pytest.param(400, marks=pytest.mark.nightly)])
-def test_lenient_card_follows_the_lenient_rule(frames: int, tmp_path):
+def test_lenient_card_follows_the_lenient_rule(frames: int):
     lenient = card_with(named("lenient-t15"))
     seed = seeded("lenient").randrange(1 << 31)
-    result = shard(seed, frames, bauds=(38400,), target=lenient, folder=tmp_path, strict_t15=False)
-    assert not result.differences
+    assert not until(seed, frames, lenient, (38400,), strict_t15=False)["differences"]
 
 
 # ---------------------------------------------------------------- planted bugs
@@ -145,12 +142,10 @@ def test_lenient_card_follows_the_lenient_rule(frames: int, tmp_path):
         pytest.param("short-adr", 500, marks=pytest.mark.nightly),
     ],
 )
-def test_a_planted_bug_is_found(name, frames, tmp_path):
-    result = shard(
-        1, frames, bauds=(38400,), target=card_with(named(name)), folder=tmp_path, small=False, stop_at=1
-    )
-    print(f"{name}: {result.differences}")
-    assert result.differences, f"{name} lived through {result.frames} frames"
+def test_a_planted_bug_is_found(name, frames):
+    found = until(1, frames, card_with(named(name)), (38400,), stop=True)
+    print(f"{name}: {found['differences']}")
+    assert found["differences"], f"{name} lived through {found['frames']} frames"
 
 
 @pytest.mark.nightly
@@ -171,14 +166,14 @@ def test_a_firmware_that_puts_a_command_into_every_parameter_commands_nothing():
 @pytest.mark.nightly
 def test_difference_gives_a_small_replayable_case_and_a_waveform(tmp_path):
     target = card_with(named("no-repeat"))
-    result = shard(1, 1500, bauds=(38400,), target=target, folder=tmp_path, stop_at=1)
-    (found,) = result.differences
-    assert found["events"] <= 3
-    kept = tmp_path / found["file"]
+    (found,) = until(1, 1500, target, (38400,), stop=True)["differences"]
+    smaller(found["case"], "standard", functools.partial(run, target=target), tmp_path)
+    (kept,) = tmp_path.glob("*.json")
     case = json.loads(kept.read_text())
+    assert len(case["events"]) <= 3
     again, played = run(case, target)
-    assert again.differences == found["what"]
-    assert story(case, played, again, Pace())[-1] == f"DIFFERENCE {found['what'][0]}"
+    assert again.differences
+    assert story(case, played, again, Pace())[-1] == f"DIFFERENCE {again.differences[-1]}"
     assert kept.with_suffix(".fst").stat().st_size > 10_000
     own, _ = run(case, Target())
     assert not own.differences
@@ -201,10 +196,10 @@ def test_invalid_case_is_refused(tmp_path, change, complaint):
     path = tmp_path / "case.json"
     path.write_text(json.dumps(make("9/1") | change))
     with pytest.raises(CaseError, match=re.escape(complaint)):
-        replay(path, None)
+        replay(path, None, Target())
     path.write_text("{")
     with pytest.raises(CaseError, match="no case of the fuzzer"):
-        replay(path, None)
+        replay(path, None, Target())
 
 
 def test_kept_cases_are_valid_files():
@@ -213,7 +208,7 @@ def test_kept_cases_are_valid_files():
 
 
 @pytest.mark.nightly
-def test_shard_is_reproducible():
+def test_a_case_is_reproducible():
     assert make("7/3") == make("7/3")
     assert make("7/3") != make("7/4")
     first, second = (run(make("7/3", (115200,)), Target()) for _ in range(2))
@@ -426,17 +421,3 @@ def test_judge_detects_a_short_pause():
         telegram = burst(DRIVE, build_process(0x047C, 0), noise[-1].end + bits * DRIVE.bit)
         differences = verdict_on(asked, [], [telegram], noise, until=telegram.fall).differences
         assert bool(differences) == short and all("pause too short" in what for what in differences)
-
-
-# ---------------------------------------------------------------- the report
-
-
-def test_shards_of_one_card_alone_are_merged():
-    one = vars(
-        fuzz.Result(1, card="one", frames=10, judged=9, events=Counter(legal=10), worst={"reply": 1.0})
-    )
-    two = one | {"seed": 2, "worst": {"reply": 2.0}, "differences": [{"case": "2/1", "what": ["no reply"]}]}
-    merged = fuzz_report.merge([one, one, two])
-    assert merged["frames"] == 20 and merged["worst"] == {"reply": 2.0}, "no shard counts twice"
-    with pytest.raises(fuzz_report.ReportError, match="different cards"):
-        fuzz_report.merge([one, two | {"card": "another"}])

@@ -9,7 +9,7 @@ import json
 import pytest
 
 from campaigns.fuzz import case_file
-from campaigns.fuzz.impatient import OWN_CLOCK, make, trial
+from campaigns.fuzz.impatient import OWN_CLOCK, make, play
 from tb.lib.seeds import cases, seeded
 
 # A sequence of the small card takes as long as 8 of the other's.
@@ -22,7 +22,7 @@ def test_drive_is_told_what_the_image_shows(config: str):
     asked = 0
     numbers = (number for number in itertools.count() if number % OWN_CLOCK != OWN_CLOCK - 1)
     for number in itertools.islice(numbers, SEQUENCES[config]):
-        _, outcome = trial(number, seed, config)
+        outcome = play(make(seed, number, config), config)
         asked += outcome.asked
         if outcome.differences:
             found[number] = outcome.differences

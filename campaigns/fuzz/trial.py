@@ -7,11 +7,17 @@ only safety is checked (aftermath.py).
 
 from __future__ import annotations
 
+import time
+from collections import Counter
 from pathlib import Path
 
+from campaigns.engine import EngineError, Row, total
 from campaigns.fuzz.aftermath import asked, possible_frames, unanswered, unasked
-from campaigns.fuzz.case import LONG_WAIT, Played, Player, probes
+from campaigns.fuzz.case import LONG_WAIT, Pace, Played, Player, clk_hz, own_pace, probes
+from campaigns.fuzz.traffic import make
 from sim.harness.library import Target
+from sim.harness.pins import BAUDS
+from tb.model import fc_telegram
 from tb.model.card import DIALECTS, CardModel
 from tb.model.told import Verdict as Told
 from tb.model.told import judge
@@ -21,6 +27,53 @@ from tb.model.wire import LineFormat
 LOCAL = 3  # number of the last requests that need no drive
 # Of register 40003, in 10 ms: up to here the wait ends before the drive's answer about a parameter (21 ms).
 SHORT_WAIT = 2
+
+
+def row_of(name: str, target: Target, strict_t15: bool = True) -> Row:
+    """Plays a case. `judged`: frames that the judge finished; of others only safety is checked."""
+    began = time.process_time()
+    seed, number, *bauds = name.split("/")
+    case = make(f"{seed}/{number}", rates(*bauds), target.config)
+    verdict, played = run(case, target, strict_t15=strict_t15)
+    return {
+        "frames": len(played.frames),
+        "judged": played.judged(verdict.until),
+        "cases": 1,
+        "simulated_s": played.end / clk_hz(case["baud"], own_pace(target.config)),
+        "events": Counter(event["what"] for event in case["events"]),
+        "rates": {f"{case['baud']} {case['form']}": len(played.frames)},
+        "outcomes": verdict.counts,
+        "unclear": {verdict.unclear.split(" of ")[0]: 1} if verdict.unclear else {},
+        "worst": verdict.worst,  # clocks after the earliest time
+        "differences": [{"case": name, "what": verdict.differences}] if verdict.differences else [],
+        "cpu_s": time.process_time() - began,
+    }
+
+
+def rates(text: str = "") -> tuple[int, ...]:
+    try:
+        found = tuple(int(word) for word in text.split(",") if word)
+    except ValueError as error:
+        raise EngineError(f"--bauds {text}: numbers with commas") from error
+    if set(found) - set(BAUDS):
+        raise EngineError(f"--bauds: the rates are {', '.join(map(str, sorted(BAUDS)))}")
+    return found
+
+
+def until(
+    seed: int,
+    frames: int,
+    target: Target,
+    bauds: tuple[int, ...] = (),
+    *,
+    strict_t15: bool = True,
+    stop: bool = False,
+) -> Row:
+    """The cases of a seed until so many network frames are judged, with `stop` until the first difference."""
+    found, text = [], "/".join(["", ",".join(map(str, bauds))]) if bauds else ""
+    while sum(row["judged"] for row in found) < frames and not (stop and found and found[-1]["differences"]):
+        found.append(row_of(f"{seed}/{len(found)}{text}", target, strict_t15))
+    return total(found)
 
 
 def run(
@@ -72,3 +125,25 @@ def aftermath(case: dict, played: Played, line: LineFormat, verdict: Verdict, wa
     count = LOCAL if wait > LONG_WAIT or mute else None
     last = [bytes.fromhex(probe["pdu"]) for probe in probes(case["dialect"])]
     return found + unanswered(last, played.network, played.replies, played.end, count)
+
+
+def story(case: dict, played: Played, verdict: Verdict, pace: Pace) -> list[str]:
+    """All traffic on the two lines, one line each; times in ms."""
+    ms = case.get("clk_hz", clk_hz(case["baud"], pace)) / 1000
+    lines: list[tuple[float, str]] = []
+    for line, heard in (("network", played.network), ("drive", played.drive)):
+        run_of: list = []
+        for character in [*heard, None]:
+            if run_of and (character is None or character.start - run_of[-1].end > 0.1 * ms):
+                text = " ".join(f"{c.byte:02x}" + ("" if c.good else "!") for c in run_of)
+                lines.append((run_of[0].start, f"to {run_of[-1].end / ms:9.3f}  {line:7} <- {text}"))
+                run_of = []
+            if character is not None:
+                run_of.append(character)
+    for burst in played.replies:
+        lines.append((burst.rise, f"to {burst.fall / ms:9.3f}  network -> {burst.data.hex(' ')}"))
+    for burst in played.telegrams:
+        words = fc_telegram.describe(burst.data)
+        lines.append((burst.rise, f"to {burst.fall / ms:9.3f}  drive   -> {burst.data.hex(' ')}  ({words})"))
+    story_lines = [f"{at / ms:9.3f} {text}" for at, text in sorted(lines)]
+    return [*story_lines, *(f"DIFFERENCE {what}" for what in verdict.differences or ["none"])]

@@ -8,22 +8,24 @@
 
 Reference for the card is tb/model/card.py; reference for the drive is tb/model/vlt_drive.py, which gets the
 telegrams and times of the card's log. A run is cut into blocks. The seed of a block selects the rate and the
-format of the network line, too. build/soak keeps each block; campaigns/soak/page.py writes the page. Exit 0:
-no mismatch, 1: mismatches, 2: no card.
+format of the network line, too. Exit 0: no mismatch, 1: mismatches, 2: no card. Other options:
+campaigns/engine.py.
 """
 
 from __future__ import annotations
 
-import json
 import math
 import random
 import tempfile
 import time
+from argparse import Namespace
 from collections import Counter, deque
 from dataclasses import dataclass, field
 from pathlib import Path
+from typing import Any
 
 from campaigns.bench import fingerprint
+from campaigns.engine import Campaign, EngineError, Row, Store, total
 from regs.dialects import DEFAULT
 from regs.dialects import DIALECTS as TABLE
 from regs.generated.card_tables import FORMATS, RATES
@@ -31,16 +33,17 @@ from rtl.command import Parser, run_main
 from rtl.sources import ROOT, configurations
 from sim.card.masters import Pymodbus
 from sim.card.run_card import CardError, Frame, RunningCard
-from sim.drive.drive_bench import NUMBERS, Row, first_index, table
+from sim.drive.drive_bench import NUMBERS, first_index, table
+from sim.drive.drive_bench import Row as Parameter
+from sw.test import host
 from tb.agents.crc16 import with_crc
-from tb.lib.options import at_least
+from tb.lib import bound
 from tb.model import fc_telegram as fc
 from tb.model.card import DIALECTS, DRIVE_TIMEOUT, NETWORK_TIMEOUT, CardModel, Step
 from tb.model.lines import image_of
 from tb.model.told import not_told
 from tb.model.vlt_drive import PROFILES, VltDrive
 
-FOLDER = ROOT / "build/soak"
 BLOCK = 500  # transactions at one rate and in one format
 COUNT = 3000
 # Dialect, drive, share of the transactions.
@@ -121,7 +124,7 @@ class Traffic:
         row = self.setup if self.rng.random() < 0.05 else self.rng.choice(self.numbers)
         return [(UNIT, self._write(row))]
 
-    def _write(self, row: Row) -> bytes:
+    def _write(self, row: Parameter) -> bytes:
         low, high = int(row["min"]), int(row["max"])
         fitting = self.rng.randint(low, high)
         value = self.rng.choice((fitting, fitting, low, high, high + 1))
@@ -333,7 +336,6 @@ def soak(folder: Path, seed: int, count: int, dialect: str, profile: str, config
     rate, line_format = RATES[rate_switches], FORMATS[format_switches]
     switches = f"{rate_switches}{format_switches}0000"
     line = f"{rate.baud} bit/s 8{line_format.parity[0].upper()}{line_format.stop_bits}"
-    print(f"soak: seed {seed}, dialect {dialect}, drive {profile}, {line}, {count} transactions", flush=True)
     options = ("--dialect", dialect, "--profile", profile, "--sw-baud", switches, "--speed", "max", "--quiet")
     done, ended = [], ""
     with RunningCard(folder, *options, program=PROGRAMS[config]) as card:
@@ -361,63 +363,102 @@ def soak(folder: Path, seed: int, count: int, dialect: str, profile: str, config
     return Result(done, judge.mismatches, judge.wrong, judge.replies, wall, simulated_s, line)
 
 
+class Soak(Campaign):
+    name, module = "soak", "campaigns.soak.run"
+    command = "make soak of both cards"
+    unit = "transactions"
+    count = COUNT
+    keep = tuple(f"The {config} card" for config in configurations())
+
+    def options(self, parser: Parser) -> None:
+        parser.add_argument("--dialect", choices=DIALECTS, help="this one only")
+        parser.add_argument("--profile", choices=PROFILES, help="drive, instead of the dialect's own")
+
+    def cases(self, given: Namespace) -> list[str]:
+        """Blocks; `count` are the transactions in all."""
+        # Only the standard card has images of the other dialects (docs/guide/dialects.md).
+        chosen = given.dialect if given.config == "standard" else DEFAULT
+        if given.dialect not in (None, chosen):
+            raise EngineError(f"the card {given.config} has no dialect {given.dialect}")
+        runs = [each for each in RUNS if chosen in (None, each[0])]
+        shares = sum(share for *_, share in runs)
+        return [
+            f"{dialect}/{given.profile or profile}/{seed}/{count}"
+            for dialect, profile, share in runs
+            for seed, count in blocks(given.seed, math.ceil(given.count * share / shares)).items()
+        ]
+
+    def run(self, config: str, case: str) -> Row:
+        dialect, profile, seed, count = case.split("/")
+        with tempfile.TemporaryDirectory() as folder:
+            result = soak(Path(folder), int(seed), int(count), dialect, profile, config)
+        return {
+            "wrong": "; ".join(result.mismatches),
+            "line": [result.line],
+            "transactions": len(result.transactions),
+            "mismatches": result.wrong,
+            "replies": result.replies,
+            "simulated_s": result.simulated_s,
+        }
+
+    def judge(self) -> str:
+        return fingerprint.soak()
+
+    def of(self, config: str) -> str:
+        """With the images of every dialect, which are of these sources."""
+        return f"{super().of(config)} {host.fingerprint()}"
+
+    def said(self, rows: dict[str, Row]) -> str:
+        sums = total(rows.values())
+        return f"{sums['transactions']:,} transactions, {sums['mismatches']} with a mismatch"
+
+    def context(self, store: Store) -> dict[str, Any]:
+        cards = self.found(store)
+        for card in cards:
+            card.runs = runs_of(card.config, card.rows)
+        return {"cards": cards, "block": BLOCK}
+
+
 def blocks(seed: int, count: int) -> dict[int, int]:
     """Seed of each block, and its transactions."""
     return {seed + at // BLOCK: min(BLOCK, count - at) for at in range(0, count, BLOCK)}
 
 
-def file_of(config: str) -> Path:
-    """The blocks of this very card, with this traffic and judge, a line each."""
-    return FOLDER / f"{config}-{fingerprint.card(config)}-{fingerprint.soak()}.jsonl"
+def runs_of(config: str, rows: dict[str, Row]) -> list[tuple[list, Row]]:
+    """For each dialect and drive: the cells of its row in the table, and the sums of its blocks."""
+    runs: dict[str, dict[str, Row]] = {}
+    for case, row in rows.items():
+        # Of two blocks with the same seed the longer contains the other one. What was found once stays.
+        run, seed, _ = case.rsplit("/", 2)
+        of = runs.setdefault(run, {})
+        of[seed] = max(row, of.get(seed, row), key=lambda one: (one["mismatches"] > 0, one["transactions"]))
+    found = []
+    for run, of in runs.items():
+        dialect, profile = run.split("/")
+        sums = total(of.values())
+        seen, count = sums["mismatches"], sums["transactions"]
+        cells = [
+            dialect,
+            f"`{fingerprint.firmware(config, dialect)}`",
+            profile,
+            len(of),
+            in_short(sums["line"]),
+        ]
+        cells += [f"{count:,}", seen, bound.words(seen, count), f"{sums['simulated_s'] / 60:.0f} min"]
+        found.append((cells, sums))
+    return found
 
 
-def keep(config: str, seed: int, dialect: str, profile: str, result: Result) -> None:
-    path = file_of(config)
-    block = {
-        "firmware": fingerprint.firmware(config, dialect),
-        "dialect": dialect,
-        "profile": profile,
-        "seed": seed,
-        "line": result.line,
-        "transactions": len(result.transactions),
-        "mismatches": result.wrong,
-        "replies": result.replies,
-        "simulated_s": result.simulated_s,
-    }
-    path.parent.mkdir(parents=True, exist_ok=True)
-    with path.open("a") as file:
-        file.write(json.dumps(block) + "\n")
+def in_short(lines: list[str]) -> str:
+    """Rates with their formats: 9600 bit/s 8E1 and 9600 bit/s 8N1 as `9600: 8E1 8N1`."""
+    rates: dict[int, list[str]] = {}
+    for line in sorted(set(lines)):
+        rate, _, line_format = line.split()
+        rates.setdefault(int(rate), []).append(line_format)
+    return "; ".join(f"{rate}: {' '.join(rates[rate])}" for rate in sorted(rates))
 
 
-def main() -> int:
-    parser = Parser(prog="soak", description=__doc__.splitlines()[0])
-    parser.add_argument("--config", choices=list(configurations()), default="standard")
-    parser.add_argument(
-        "--seed", type=at_least(0), default=random.randrange(1 << 31), help="of the first block"
-    )
-    parser.add_argument("--count", type=at_least(1), default=COUNT, help="transactions in all")
-    parser.add_argument("--dialect", choices=DIALECTS, help="this one only")
-    parser.add_argument("--profile", choices=PROFILES, help="drive, instead of the dialect's own")
-    options = parser.parse_args()
-    # Only the standard card has images of the other dialects (docs/guide/dialects.md).
-    chosen = options.dialect if options.config == "standard" else "card"
-    if options.dialect not in (None, chosen):
-        raise CardError(f"the card {options.config} has no dialect {options.dialect}")
-    runs = [each for each in RUNS if chosen in (None, each[0])]
-    shares = sum(share for *_, share in runs)
-    wrong = False
-    for dialect, own_profile, share in runs:
-        profile = options.profile or own_profile
-        for seed, count in blocks(options.seed, math.ceil(options.count * share / shares)).items():
-            with tempfile.TemporaryDirectory() as folder:
-                result = soak(Path(folder), seed, count, dialect, profile, options.config)
-            keep(options.config, seed, dialect, profile, result)
-            print(f"  {result}", flush=True)
-            for mismatch in result.mismatches:
-                print(f"  MISMATCH {mismatch}", flush=True)
-            wrong = wrong or bool(result.mismatches)
-    return int(wrong)
-
+CAMPAIGN = Soak()
 
 if __name__ == "__main__":
-    run_main("soak", main, CardError, ConnectionError)
+    run_main("soak", CAMPAIGN.main, CardError, ConnectionError, EngineError)

@@ -1,0 +1,262 @@
+# SPDX-License-Identifier: Apache-2.0
+"""The engine of the campaigns: no case is lost or counted twice, however its runs end.
+
+Every campaign with a page shows here that its template fits its results.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import importlib
+import sqlite3
+import sys
+from concurrent.futures import ThreadPoolExecutor
+from pathlib import Path
+from types import SimpleNamespace
+
+import pytest
+
+from campaigns import engine
+from campaigns.engine import Campaign, EngineError, Row, Store, total
+from campaigns.flips.run import CAMPAIGN as FLIPS
+from campaigns.flips.trial import FORBIDDEN, PARTS
+from campaigns.fuzz.impatient import CAMPAIGN as IMPATIENT
+from campaigns.fuzz.planted import CAMPAIGN as PLANTS
+from campaigns.fuzz.plants import PLANTS as BUGS
+from campaigns.fuzz.run import CAMPAIGN as FUZZ
+from campaigns.soak.run import CAMPAIGN as SOAK
+from campaigns.starts.run import CAMPAIGN as STARTS
+from rtl.sources import ROOT
+from tb.lib.rows import each_row
+from tb.lib.seeds import seeded
+
+
+class Squares(Campaign):
+    """Cases that cost nothing. The one of number 3 goes wrong."""
+
+    name, module = "squares", "campaigns.test_engine"
+    count = 4
+    made: list[str]
+
+    def of(self, config: str) -> str:
+        return "this card"
+
+    def run(self, config: str, case: str) -> Row:
+        self.made.append(case)
+        number = int(case.split("/")[1])
+        return {"wrong": "nine" if number == 3 else "", "square": number**2, "worst": {"number": number}}
+
+    def follow(self, config: str, case: str) -> str:
+        return f"a closer look at {case}"
+
+
+CAMPAIGN = Squares()
+
+
+@pytest.fixture
+def squares(tmp_path, monkeypatch):
+    """Runs the campaign with a command line, in this process."""
+    CAMPAIGN.made = []
+    engine._of.cache_clear()
+    monkeypatch.setattr(engine, "in_processes", lambda jobs, task, cases: map(task, cases))
+
+    def run(*options: str, store: str = "results.sqlite") -> int:
+        monkeypatch.setattr(
+            sys, "argv", ["squares", "--seed", "7", "--store", str(tmp_path / store), *options]
+        )
+        return CAMPAIGN.main()
+
+    return run
+
+
+def rows(path: Path) -> dict[str, Row]:
+    return Store(path).rows("squares", "this card", "standard")
+
+
+def test_a_run_goes_on_where_it_was_and_tells_of_an_earlier_failure(squares, capsys):
+    assert squares("--count", "3") == 0
+    assert "squares: standard card, seed 7, 3 cases" in capsys.readouterr().out
+    assert squares("--count", "5") == 1
+    said = capsys.readouterr().out
+    assert "5 cases, 3 of them from an earlier run" in said and "a closer look at 7/3" in said
+    assert "5 cases, 1 with a difference, at most 7.78e-01 of all at 99 %" in said
+    assert squares("--count", "5") == 1 and "7/3: nine" in capsys.readouterr().out
+    assert CAMPAIGN.made == [f"7/{number}" for number in range(5)], "no case runs twice"
+
+
+def test_a_run_that_is_stopped_keeps_what_is_done(squares, tmp_path, monkeypatch):
+    def stopped(jobs, task, cases):
+        yield from map(task, cases[:2])
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr(engine, "in_processes", stopped)
+    with pytest.raises(KeyboardInterrupt):
+        squares()
+    assert list(rows(tmp_path / "results.sqlite")) == ["7/0", "7/1"]
+
+
+def test_parts_that_are_merged_are_the_whole(squares, tmp_path):
+    squares("--count", "20", store="whole")
+    for number in (1, 2, 3):
+        squares("--count", "20", "--part", f"{number}/3", store=f"part{number}")
+    merged = Store(tmp_path / "merged")
+    assert [merged.merge(tmp_path / f"part{number}") for number in (1, 2, 3, 2)] == [7, 7, 6, 0]
+    assert rows(tmp_path / "merged") == rows(tmp_path / "whole") and len(rows(tmp_path / "whole")) == 20
+
+
+def test_rows_are_added_up(squares, tmp_path):
+    squares("--count", "12")
+    found = rows(tmp_path / "results.sqlite")
+    assert list(found)[-1] == "7/11", "sorted by number"
+    sums = total(found.values())
+    assert sums["square"] == sum(number**2 for number in range(12)) and sums["worst"] == {"number": 11}
+
+
+def test_a_worker_with_another_card_is_refused(squares, monkeypatch):
+    monkeypatch.setattr(engine, "_of", lambda module, config: "an older card")
+    with pytest.raises(EngineError, match="a worker has another card, firmware or judge: an older card"):
+        squares()
+
+
+@each_row("options", [["--part", "4/3"], ["--part", "0/3"], ["--count", "0"]])
+def test_a_wrong_option_is_refused_in_one_line(squares, capsys, options):
+    with pytest.raises(SystemExit) as ended:
+        squares(*options)
+    assert ended.value.code == 2 and len(capsys.readouterr().err.splitlines()) == 1
+
+
+def test_the_workers_of_a_scheduler_give_the_same_rows(squares, tmp_path, monkeypatch):
+    """Dask is of a layer of its own; this one has its interface."""
+
+    class Client(contextlib.nullcontext):
+        def __init__(self, address: str, **how) -> None:
+            if address != "tcp://here:1":
+                raise OSError(address)
+            super().__init__(self)
+
+        def get_executor(self, pure: bool) -> ThreadPoolExecutor:
+            assert not pure, "equal cases of two runs are two"
+            return ThreadPoolExecutor(3)
+
+    monkeypatch.setitem(sys.modules, "distributed", SimpleNamespace(Client=Client))
+    squares("--count", "30", store="alone")
+    squares("--count", "30", "--on", "tcp://here:1", store="others")
+    assert rows(tmp_path / "others") == rows(tmp_path / "alone") and len(CAMPAIGN.made) == 60
+    with pytest.raises(EngineError, match="no scheduler answers at tcp://there:1"):
+        squares("--on", "tcp://there:1", store="none")
+    monkeypatch.setitem(sys.modules, "distributed", None)
+    with pytest.raises(EngineError, match="the package distributed is missing"):
+        squares("--on", "tcp://here:1", store="none")
+
+
+def test_a_file_that_is_no_store_is_refused(squares, tmp_path):
+    (tmp_path / "text").write_text("no store, but a text of more than one line\n" * 50)
+    with pytest.raises(EngineError, match="is no store of results"):
+        squares(store="text")
+    with pytest.raises(EngineError, match="there is no file"):
+        Store(tmp_path / "new").merge(tmp_path / "none")
+
+
+def ends(case: str) -> tuple[str, str, Row]:
+    sys.exit(case)
+
+
+def test_a_process_that_ends_is_told_in_one_line(squares, monkeypatch):
+    def killed(jobs, task, cases):
+        yield task(cases[0])
+        raise engine.BrokenProcessPool
+
+    monkeypatch.setattr(engine, "in_processes", killed)
+    with pytest.raises(EngineError, match="what is done is kept, run it again"):
+        squares()
+
+
+PROGRAMS = {path.parent.name: path for path in (ROOT / "campaigns").glob("*/run.py")}
+UNTESTED = sorted(
+    name
+    for name, path in PROGRAMS.items()
+    if "CAMPAIGN = " in path.read_text() and not any(path.parent.glob("test_*.py"))
+)
+
+
+@pytest.mark.parametrize("name", UNTESTED)
+def test_a_case_of_a_campaign_without_a_test_of_its_own(tmp_path, monkeypatch, name):
+    campaign = importlib.import_module(f"campaigns.{name}.run").CAMPAIGN
+    assert campaign.name == name and campaign.module == f"campaigns.{name}.run"
+    seed = seeded(name).randrange(1 << 31)
+    monkeypatch.setattr(sys, "argv", [name, "--count=1", f"--seed={seed}", f"--store={tmp_path / 'store'}"])
+    assert campaign.main() == 0
+
+
+# ---------------------------------------------------------------- the pages
+
+FRAMES = {"frames": 12, "judged": 11, "cases": 1, "events": {"legal": 12}, "cpu_s": 90.0, "simulated_s": 2.0}
+FRAMES |= {"rates": {}, "outcomes": {}, "unclear": {}, "worst": {}, "differences": []}
+FLIPPED = {"flips": 25, "flips_at": {"9600": 25}, "bits": {part: [8] for part in PARTS}, "cpu_s": 60.0}
+FLIPPED |= {"counts": {"card: no effect": 24, f"card: {FORBIDDEN[0]}": 1}}
+FLIPPED |= {
+    "notable": [{"trial": "1/0", "flip": "gate_i.due[0]", "what": FORBIDDEN[0], "why": "at the commit"}]
+}
+BLOCK = {"wrong": "", "line": ["9600 bit/s 8E1"], "transactions": 500, "mismatches": 0}
+BLOCK |= {"replies": {"function 03": 400, "exception 2": 100}, "simulated_s": 600.0}
+RESULTS = (
+    (FUZZ, {"7/0": FRAMES, "8/0": FRAMES | {"differences": [{"case": "8/0", "what": ["no reply"]}]}}),
+    (IMPATIENT, {"9/0": {"wrong": "", "asked": 3, "restless": 1}}),
+    (FLIPS, {"9600/1/0/25": FLIPPED}),
+    (SOAK, {"card/vlt6000/1/500": BLOCK}),
+    (STARTS, {"power-up/1": {"wrong": ""}, "power-up/2": {"wrong": ""}, "reset/1": {"wrong": "silent"}}),
+)
+
+
+@pytest.fixture
+def kept(tmp_path, monkeypatch) -> Store:
+    """Results of every campaign, of both cards."""
+    for name in ("card", "firmware", "fuzz_judge", "flips_judge", "soak", "starts", "now"):
+        monkeypatch.setattr(engine.fingerprint, name, lambda *about, name=name: f"{name} {about}")
+    store = Store(tmp_path / "store")
+    for campaign, found in RESULTS:
+        for config in ("standard", "tiny"):
+            for case, row in found.items():
+                store.keep(campaign.name, campaign.of(config), config, case, row)
+    for bug in BUGS:
+        what = [] if bug.name == "wrong-order" else ["no reply"]
+        row = {"frames": 12345, "what": what}
+        store.keep("fuzz-plants", PLANTS.of("standard"), "standard", f"{bug.name}/1/20000", row)
+    return store
+
+
+@each_row(
+    ("campaign", "said"),
+    [
+        (
+            FUZZ,
+            "44 frames of both cards judged to their end, each with the judge of its row: cases with a "
+            "difference: 2",
+        ),
+        (FUZZ, "| 7, 8 | 24 | 2 | 3 | 22 | 1 |"),
+        (FUZZ, "| legal | 24 | 24 |"),
+        (FUZZ, "| 9 | 1 | 3 | 1 | 0 |"),
+        (FUZZ, "| cut-value | MAP-7: a value below -32768 is cut, not refused | 12,345 |"),
+        (FUZZ, "| wrong-order | EXC: address before quantity | not found in 12,345 frames |"),
+        (FUZZ, "50 flips of both cards: 2 unrequested or altered telegrams and stuck drivers"),
+        (SOAK, "| vlt6000 | 1 | 9600: 8E1 | 500 | 0 | 9.17e-03 | 10 min |"),
+        (SOAK, "- card, vlt6000: 100 exception 2, 400 function 03."),
+        (STARTS, "| standard | power-up | 2 | 1 to 2 | 0 | 9.00e-01 |"),
+        (STARTS, "| tiny | reset | 1 | 1 to 1 | 1 | 1.00e+00 |"),
+    ],
+)
+def test_a_page_shows_the_results(kept, monkeypatch, campaign, said):
+    written: dict[str, str] = {}
+    monkeypatch.setattr(engine, "publish", lambda name, text, *rest: written.update({name: text}))
+    campaign.publish(kept)
+    assert said in written[campaign.name]
+    assert "\n\n\n" not in written[campaign.name]
+
+
+def test_a_page_needs_the_results_of_both_cards_as_they_are(kept):
+    with sqlite3.connect(kept.base.execute("PRAGMA database_list").fetchone()[2]) as base:
+        base.execute("UPDATE results SET fingerprint = 'older' WHERE config = 'tiny'")
+    with pytest.raises(
+        EngineError, match="no result of the tiny card as it is now; run `make soak CONFIG=tiny`"
+    ):
+        SOAK.publish(kept)
