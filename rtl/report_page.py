@@ -68,6 +68,12 @@ def record(
     EVIDENCE.write_text(_layout(dict(sorted({**evidence(), name: entry}.items()))) + "\n")
 
 
+def forget(others_than: Iterable[str]) -> None:
+    """Takes out of docs/evidence.json the reports that no command makes any more."""
+    kept = {name: entry for name, entry in evidence().items() if name in set(others_than)}
+    EVIDENCE.write_text(_layout(kept) + "\n")
+
+
 def publish(
     name: str, text: str, command: str, of: dict[str, str], said: str = "", keep: Iterable[str] = ()
 ) -> Path:

@@ -33,7 +33,8 @@ from rtl.sources import ROOT, SourcesError, configurations, without_comments
 from sim.harness.pins import BAUDS, FORMS
 from tb.agents import rtu
 from tb.model.card import DIAGNOSTICS, DIALECTS, FUNCTIONS
-from tools import chromium, figures
+from tools import chromium
+from tools import evidence as measured
 
 OUT = ROOT / "build/datasheet"
 TEMPLATE = ROOT / "tools/datasheet.html.in"
@@ -374,10 +375,10 @@ def images() -> str:
 
 def older() -> str:
     """A notice if a report is of an older card."""
-    found = {name: command for name, command in figures.older().items() if name in COMMANDS}
+    found = [name for name in measured.older() if name in COMMANDS]
     if not found:
         return ""
-    commands = ", ".join(f"<code>{command}</code>" for command in found.values())
+    commands = ", ".join(f"<code>make evidence ONLY={name}</code>" for name in found)
     return (
         f'<p class="notice older"><b>Figures of an older card:</b> {", ".join(found)}. They are printed as '
         f"measured, with the card that they name. To renew them: {commands}.</p>"
@@ -454,8 +455,10 @@ def main() -> int:
     for name, content in (("rtu2fc-datasheet.html", text.encode()), ("rtu2fc-datasheet.pdf", printed)):
         (folder / name).write_bytes(content)
         print(f"wrote {folder / name}" if folder != OUT else f"wrote {(folder / name).relative_to(ROOT)}")
-    if figures.older().keys() & COMMANDS.keys():
-        print("datasheet: its figures are of an older card; `make figures` lists them", file=sys.stderr)
+    if measured.older().keys() & COMMANDS.keys():
+        print(
+            "datasheet: its figures are of an older card; `make evidence CHECK=1` lists them", file=sys.stderr
+        )
     return 0
 
 

@@ -5,7 +5,7 @@
     python -m tools.release --check [the same options]     builds it again elsewhere and compares
 
 1. Change VERSION and run `make regs`, before the measurements: images with function 11 contain the number.
-2. `make figures` names each report of an older card, and what renews it. These commands take hours.
+2. `make evidence` renews each report of an older card, in two hours.
 3. In CHANGELOG.md give the version's section its date. Nothing stays below [Unreleased].
 4. Commit; `make lint` and `make nightly` must pass on that commit.
 5. `make release`, then `make release CHECK=1`. Read data sheet, report and site of build/dist.
@@ -42,7 +42,7 @@ from constraints.boards import Board, board, boards, extended
 from regs.dialects import IMAGES
 from rtl.command import STOPPED, VERSION, Parser, run_main
 from rtl.sources import ROOT, SourcesError, commit
-from tools import datasheet, figures, trace, wheels
+from tools import datasheet, evidence, trace, wheels
 from tools.site import build as site
 
 DIST = ROOT / "build/dist"
@@ -91,9 +91,8 @@ def tests_wrong(results: dict[str, trace.Result], collected: set[str], now: str)
 
 
 def figures_wrong() -> Iterator[str]:
-    if older := figures.older():
-        reports = ", ".join(f"{name} ({command})" for name, command in older.items())
-        yield f"figures are of an older card, and these commands renew them: {reports}"
+    if older := evidence.older():
+        yield f"figures are of an older card, and `make evidence` renews them: {', '.join(older)}"
 
 
 def refusals(version: str, tag: str) -> list[str]:

@@ -14,7 +14,7 @@ from constraints.boards import boards
 from rtl.command import VERSION, version
 from rtl.sources import ROOT
 from tb.model.card import OBJECTS
-from tools import datasheet, figures, release, trace
+from tools import datasheet, evidence, release, trace
 from tools.trace import Result
 
 NUMBER = VERSION.read_text().strip()
@@ -64,7 +64,7 @@ def releasable(monkeypatch, tmp_path):
     found.all.add("a")
     monkeypatch.setattr(release, "CHANGELOG", changelog)
     monkeypatch.setattr(release, "commit", lambda: "abc1234")
-    monkeypatch.setattr(figures, "older", dict)
+    monkeypatch.setattr(evidence, "older", dict)
     monkeypatch.setattr(trace, "collect", lambda: found)
     monkeypatch.setattr(trace, "read_results", lambda: {"a": Result("passed", "abc1234")})
     monkeypatch.setattr(release, "build", lambda draft, chosen, _: built.append((draft, len(chosen))))
@@ -80,8 +80,8 @@ def started(monkeypatch, *words: str) -> int:
     ("change", "line"),
     [
         (
-            lambda patch: patch.setattr(figures, "older", lambda: {"results": "make bench"}),
-            "figures are of an older card, and these commands renew them: results (make bench)",
+            lambda patch: patch.setattr(evidence, "older", lambda: {"results": "standard card"}),
+            "figures are of an older card, and `make evidence` renews them: results",
         ),
         (
             lambda patch: patch.setattr(release, "commit", lambda: ""),

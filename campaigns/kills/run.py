@@ -2,7 +2,7 @@
 # needs: firmware | setup-synth setup-firmware
 """Which test or proof notices each mutant and planted bug (45 min for SAMPLE=60); `make kills`.
 
-    python -m campaigns.kills.run [--sample N|all] [--seed N] [--jobs N] [--only TEXT]
+    python -m campaigns.kills.run [--sample N|all] [--seed N] [--jobs N] [--only TEXT] [--page yes]
 
 A sample of the mutants that `make mutate` and `make mutate-firmware` try is drawn over all modules and files,
 at least one of each where the sample lasts. With them come the bugs of tb/planted.toml that a test or the
@@ -31,18 +31,23 @@ from concurrent.futures import as_completed
 from dataclasses import asdict, dataclass
 from pathlib import Path
 
+from campaigns.bench.fingerprint import now as fingerprint_of
 from campaigns.conformance.fixture import FAULTS, PROFILE, ModelLine
+from campaigns.engine import page as render
 from campaigns.mutate import run as mutate
 from rtl.command import Parser, run_main, threads
+from rtl.report_page import publish
 from rtl.sources import ROOT
 from sw.rtu2fc.cases import CASES
 from sw.rtu2fc.engine import FAIL, grade
 from sw.test import mutate as firmware
+from tb.lib import bound
 from tb.lib.options import at_least
 from tb.lib.planted import Bug, PlantError, bugs
 
 FOLDER = ROOT / "build/kills"
 MATRIX = FOLDER / "matrix.json"
+TEMPLATE = ROOT / "campaigns/kills/kills.md.in"
 SEED_OF_MUTATE, COUNT_OF_MUTATE, COUNT_OF_FIRMWARE = 1, 40, 60  # what those commands try
 # A mutant that its own bench does not notice goes to these.
 OF_CARD = ("tb/card", *mutate.OF_CARD)
@@ -127,6 +132,29 @@ def quotas(groups: dict[str, int], sample: int, seed: int) -> Counter[str]:
     names = draw.sample(sorted(groups), len(groups))
     others = [name for name in names for _ in range(groups[name] - 1)]
     return Counter(names[:sample] + draw.sample(others, min(len(others), max(0, sample - len(names)))))
+
+
+def page(matrix: Matrix) -> tuple[str, str]:
+    """The report, and its statement."""
+    rows = list(matrix.rows.values())
+    lines, said = [], []
+    for kind in SECONDS:
+        found = Counter(row.verdict for row in rows if row.kind == kind)
+        decided = found["noticed"] + found["unnoticed"]
+        lines.append(
+            (kind, decided, found["noticed"], bound.words(found["unnoticed"], decided), found["same"])
+        )
+        said.append(f"{found['noticed']} of {decided} {kind}s")
+    by = Counter(row.by.split("::")[0].split(",")[0] for row in rows if row.verdict == "noticed")
+    made = {
+        "sample": matrix.head["sample"],
+        "seed": matrix.seed,
+        "sure": bound.SURE,
+        "kinds": lines,
+        "by": by.most_common(),
+        "missed": [row.name for row in rows if row.verdict == "unnoticed"],
+    }
+    return render(TEMPLATE.read_text(), made), f"Noticed: {', '.join(said)}."
 
 
 # ---------------------------------------------------------------- the changes
@@ -307,6 +335,7 @@ def main(arguments: list[str] | None = None) -> int:
     parser.add_argument("--seed", type=at_least(0))
     parser.add_argument("--jobs", type=at_least(1), default=2)
     parser.add_argument("--only", default="", metavar="TEXT", help="rows with this text in kind and name")
+    parser.add_argument("--page", choices=["yes"], help="write build/reports/kills.md")
     given = parser.parse_args(arguments)
     matrix = Matrix(given.sample, given.seed, given.only)
     print(f"kills: sample {given.sample}, repeat with SEED={matrix.seed}", flush=True)
@@ -328,6 +357,10 @@ def main(arguments: list[str] | None = None) -> int:
     for row in missed:
         print(f"kills: nothing notices {row.kind} {row.name}", file=sys.stderr)
     print(f"written: {os.path.relpath(MATRIX, ROOT)} and matrix.tsv")
+    if given.page and not broken and not given.only:
+        text, said = page(matrix)
+        of = fingerprint_of("standard card", "tiny card", "firmware")
+        publish("kills", text, f"make kills SAMPLE={given.sample} PAGE=yes", of, said, keep=[""])
     return 2 if broken else 1 if missed else 0
 
 

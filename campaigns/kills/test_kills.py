@@ -37,6 +37,11 @@ def test_what_nothing_notices_is_named_and_a_second_run_keeps_it(tmp_path, monke
     row.verdict, row.by = "noticed", "tb/rtl/test_m.py::test_m[icarus]"
     assert kills.main(["--seed=6"]) == 0
     assert row.by in (tmp_path / "matrix.tsv").read_text()
+    pages: list[str] = []
+    monkeypatch.setattr(kills, "publish", lambda name, text, *rest, **more: pages.append(text))
+    assert kills.main(["--seed=6", "--page=yes"]) == 0
+    assert "| Verilog mutant | 1 | 1 | 9.90e-01 | 0 |" in pages[0]
+    assert "| `tb/rtl/test_m.py` | 1 |" in pages[0]
 
 
 @pytest.mark.nightly("synth")

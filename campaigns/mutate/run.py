@@ -4,7 +4,7 @@
     python -m campaigns.mutate.run [--module NAME] [--count N] [--seed N] [--jobs N]
     python -m campaigns.mutate.run --report             one table of everything in build/mutate/
 
-Without a name it takes every module of rtl/ that has a bench. The table stands in build/reports/mutants.md.
+Without a name it takes every module of rtl/ that has a bench. `make kills` has a page of a sample.
 
 A mutant is one change of the source: an operator, a constant, a condition that is always true or false, a
 removed assignment or connection. A change that does not compile is not a mutant. A mutant is caught if a
@@ -32,13 +32,10 @@ from pathlib import Path
 
 from formal import prove
 from rtl.command import Parser, run_main, threads
-from rtl.report_page import evidence, publish
 from rtl.sources import ROOT, SourcesError, bench_file, needed_files, rtl_files
-from tb.lib.bound import SURE, at_most
 from tb.lib.options import at_least
 
 WORK = ROOT / "build/mutate"
-TEMPLATE = ROOT / "campaigns/mutate/mutants.md.in"
 EXCUSES = ROOT / "campaigns/mutate/survivors.toml"
 TOP = "rtu2fc"
 HEADER = (
@@ -478,8 +475,8 @@ def survivor_of(mutant: Mutant) -> str:
     return f"- `{mutant.module}`: `{mutant.before}` → `{mutant.after}`: {verdict}"
 
 
-def report(write: bool = True) -> int:
-    """Prints the table of all result files; `write` updates the document, other modules' rows stay."""
+def report() -> int:
+    """Prints the table of all result files."""
     groups: dict[str, tuple[str, int, list[Mutant]]] = {}
     for file in sorted(WORK.glob("*.json")):
         document = json.loads(file.read_text())
@@ -507,39 +504,7 @@ def report(write: bool = True) -> int:
     print(f"\n{caught} of {counted} mutants caught, {100 * caught / counted:.1f} %")
     for mutant in [*survivors, *alike]:
         print(survivor_of(mutant))
-    if write:
-        write_document(rows, list(map(survivor_of, [*survivors, *alike])))
     return int(bool(survivors))
-
-
-def write_document(rows: dict[str, str], survivors: list[str]) -> None:
-    """Replaces the rows of the modules that were run; docs/evidence.json has those of the others."""
-    before = evidence().get("mutants", {}).get("tables", {}).get("", [])[1:]
-    kept = {row[0].strip("`"): f"| {' | '.join(row)} |" for row in before} | rows
-    known = {path.stem for path in rtl_files()}
-    table = [row for module, row in sorted(kept.items()) if module in known]
-    numbers = [re.findall(r"\| (\d+) ", row) for row in table]
-    tried, alike, survived = (sum(int(cells[at]) for cells in numbers) for at in (1, 4, 5))
-    total = tried - alike
-    missing = [module for module in benches() if module not in kept]
-    possible = sum(int(re.search(r"\| (\d+) ", row)[1]) for row in table)
-    bound = 100 * at_most(survived, total)
-    summary = f"{total - survived} of {total} caught, {100 * (1 - survived / total):.1f} %."
-    summary += f" {alike} more behave like the original."
-    if missing:
-        summary += " Not run yet: " + ", ".join(f"`{module}`" for module in missing) + "."
-    summary += (
-        f" These are {tried} of {possible} possible mutants, always the same ones. Were they a random "
-        f"choice, at most {bound:.2f} % of all would survive, at {SURE}. But tests were added for these, so "
-        "of the others more may survive."
-    )
-    text = TEMPLATE.read_text().format(
-        table="\n".join([HEADER, *table]),
-        summary=summary,
-        survivors="\n".join(sorted(survivors)) or "None.",
-    )
-    of = dict(re.match(r"\| `(\w+)` .*`(\w+)` \|", row).groups() for row in table)
-    publish("mutants", text, "make mutate", of, summary, keep=[""])
 
 
 def bench_arguments(module: str) -> list[str]:

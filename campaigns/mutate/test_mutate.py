@@ -118,5 +118,5 @@ def test_a_survivor_fails(tmp_path, monkeypatch, capsys):
         other = mutate.Mutant("bcc", 2, "c", "d", 2, 3, "d", "caught", "test")
         rows = [asdict(mutant), asdict(other)]
         (tmp_path / "bcc.json").write_text(json.dumps(document | {"mutants": rows}))
-        assert mutate.report(write=False) == result
+        assert mutate.report() == result
         assert ("`a` → `b`: survived" in capsys.readouterr().out) == bool(result)

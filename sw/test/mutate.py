@@ -1,9 +1,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """Mutation testing of the translation core and of the poll loop.
 
-    python -m sw.test.mutate [--jobs N]       60 mutants of each file, in N processes; then the report
-    python -m sw.test.mutate --shard I/N      part I of N, on any machine; writes its result file
-    python -m sw.test.mutate --report         merges them; exit 1 for a survivor
+    python -m sw.test.mutate [--jobs N]       60 mutants of each file, in N processes; exit 1 for a survivor
     --count N                                        mutants of each file; 0: all
 
 A mutant is one small change in a file of the core or of the poll loop. It is caught if the fuzzer's corpus
@@ -38,7 +36,7 @@ from tree_sitter import Language, Node
 from tree_sitter import Parser as SourceParser
 
 from rtl.command import Parser, in_processes, run_main
-from sw.test.host import BUILDS, CORE, DIALECTS, HOST, INCLUDES, ROOT, put_figures, sources
+from sw.test.host import BUILDS, CORE, DIALECTS, HOST, INCLUDES, ROOT, sources
 from tb.lib.bound import SURE, at_most
 from tb.lib.options import at_least
 from tb.model.firmware import Build
@@ -480,7 +478,7 @@ def run_shard(part: int, parts: int, count: int) -> None:
 # ---------------------------------------------------------------- the report
 
 
-def report(count: int, write: bool) -> int:
+def report(count: int) -> int:
     files = sorted(FOLDER.glob("shard-*.json"))
     results = [mutant for file in files for mutant in json.loads(file.read_text())["mutants"]]
     wanted = chosen_mutants(count)
@@ -517,36 +515,23 @@ def report(count: int, write: bool) -> int:
     print(f"{sum(json.loads(file.read_text())['seconds'] for file in files)} s of {len(files)} processes")
     wrong += [f"survives: {m['file']}:{m['line']} {m['function']}: {mutant_of(m).change}" for m in alive]
     print("\n".join(wrong) or "no survivor")
-    if write and not wrong:
-        put_figures("mutants", "make mutate-firmware", "\n".join(shown))
     return 1 if wrong else 0
 
 
 def main() -> int:
     parser = Parser(prog="mutate-firmware", description=__doc__.splitlines()[0])
     parser.add_argument("--jobs", type=at_least(1), default=2)
-    parser.add_argument("--shard", metavar="I/N")
     parser.add_argument(
         "--count", type=at_least(0), default=60, help="mutants of each file; 0: all (default: %(default)s)"
     )
-    parser.add_argument("--report", action="store_true")
-    parser.add_argument("--write", action="store_true", help="put the table into docs/evidence.json")
     given = parser.parse_args()
     FOLDER.mkdir(parents=True, exist_ok=True)
-    if given.report:
-        return report(given.count, given.write)
-    if given.shard:
-        part, _, parts = given.shard.partition("/")
-        if not (part.isdigit() and parts.isdigit() and 1 <= int(part) <= int(parts)):
-            parser.error("--shard: I/N, such as 1/4")
-        run_shard(int(part), int(parts), given.count)
-        return 0
     for file in FOLDER.glob("shard-*.json"):
         file.unlink()
     work = partial(run_shard, parts=given.jobs, count=given.count)
     for _ in in_processes(given.jobs, work, range(1, given.jobs + 1)):
         pass
-    return report(given.count, given.write)
+    return report(given.count)
 
 
 if __name__ == "__main__":

@@ -3,11 +3,13 @@
 
 from __future__ import annotations
 
+import subprocess
+
 import pytest
 
 from campaigns.bench import fingerprint
 from rtl import report_page
-from tools import figures
+from tools import evidence as tool
 
 TEXT = """# A title
 
@@ -52,27 +54,59 @@ def test_without_its_page_a_report_has_its_figures_and_names_its_command(written
         assert part in text
 
 
-def test_figures_of_another_card_are_named_with_their_command(written, monkeypatch, capsys):
-    for name in ("one", "two"):
+@pytest.fixture
+def two_reports(written, monkeypatch) -> None:
+    """One of the standard card, one of both, and one that nothing makes any more."""
+    monkeypatch.setattr(tool, "REPORTS", {"one": ("make-one COUNT=2 SEED={seed}",), "two": ("make-two",)})
+    for name in ("one", "two", "gone"):
         subjects = ("standard card", "tiny card") if name == "two" else ("standard card",)
         report_page.record(name, "", f"make {name}", fingerprint.now(*subjects), "", {})
-    assert figures.older() == {}
+
+
+def test_figures_of_another_card_are_named(two_reports, monkeypatch, capsys):
+    assert tool.check() == 0
     monkeypatch.setitem(fingerprint.SUBJECTS, "tiny card", lambda: "another")
-    assert figures.older() == {"two": "make two"}
-    assert figures.main() == 1
-    assert capsys.readouterr().out == "one: of this card\ntwo: another tiny card; make two\n"
+    assert tool.older() == {"two": "tiny card"}
+    assert tool.check() == 1
+    assert "two: another tiny card; make evidence ONLY=two" in capsys.readouterr().out.splitlines()
 
 
-@pytest.mark.parametrize("name", figures.SUBJECTS)
+def test_only_what_is_of_another_card_is_measured_again(two_reports, monkeypatch, capsys):
+    monkeypatch.setattr("sys.argv", ["evidence"])
+    ran: list[list[str]] = []
+
+    def run(command: list[str], **how) -> subprocess.CompletedProcess:
+        ran.append(command[2:])
+        return subprocess.CompletedProcess(command, 2)
+
+    monkeypatch.setattr(tool.subprocess, "run", run)
+    assert tool.main() == 0 and not ran
+    assert set(report_page.evidence()) == {"one", "two"}
+    monkeypatch.setitem(fingerprint.SUBJECTS, "standard card", lambda: "another")
+    assert tool.main() == 1
+    assert [command[0] for command in ran] == ["make-one", "make-two"], "a failure stops no other report"
+    assert ran[0][1] == "COUNT=2" and ran[0][2].startswith("SEED=")
+    assert "evidence: failed: two: make make-two: exit code 2" in capsys.readouterr().out
+
+
+def test_a_stopped_command_stops_the_whole(two_reports, monkeypatch):
+    monkeypatch.setattr("sys.argv", ["evidence", "--again"])
+    stopped = subprocess.CompletedProcess([], 130)
+    monkeypatch.setattr(tool.subprocess, "run", lambda command, **how: stopped)
+    with pytest.raises(KeyboardInterrupt):
+        tool.main()
+
+
+@pytest.mark.parametrize("name", tool.SUBJECTS)
 def test_a_changed_module_or_design_is_named(name):
-    now = figures.SUBJECTS[name]()
-    assert figures.changed(name, now) == []
+    now = tool.SUBJECTS[name]()
+    assert tool.changed(name, now) == []
     first = next(iter(now))
-    assert figures.changed(name, now | {first: "another"}) == [first]
+    assert tool.changed(name, now | {first: "another"}) == [first]
 
 
 def test_each_subject_in_git_is_one_that_can_be_compared():
     judges = {f"{path.parent.name} judge" for path in (report_page.ROOT / "campaigns").glob("*/run.py")}
     for name, entry in report_page.evidence().items():
-        assert name in figures.SUBJECTS or entry["of"].keys() <= fingerprint.SUBJECTS.keys() | judges, name
+        assert name in tool.SUBJECTS or entry["of"].keys() <= fingerprint.SUBJECTS.keys() | judges, name
     assert report_page.EVIDENCE.stat().st_size < 100_000

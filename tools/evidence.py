@@ -1,0 +1,126 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Renews every measured page that is of another card; `make evidence` (CHECK=1: only names them).
+
+    python -m tools.evidence [--only REPORT] [--again]      runs the commands of REPORTS below
+    python -m tools.evidence --check                        exit 1 when a page is of another card
+
+docs/evidence.json has the figures that other pages show, with the fingerprints of what was measured
+(campaigns/bench/fingerprint.py). A report of this card, firmware and judge is not measured again, so a run
+that was stopped goes on. Seeds follow from the fingerprint of the card: another card meets other cases. Exit
+1: a command failed; its report stays as it was, and the others are made.
+"""
+
+from __future__ import annotations
+
+import subprocess
+import time
+from collections.abc import Callable
+
+from campaigns.bench import fingerprint
+from constraints import synth
+from formal import flips, prove
+from rtl.command import Parser, run_main
+from rtl.report_page import evidence, forget
+from rtl.sources import ROOT
+
+# What `make` is told for each report, the long ones first. The sizes are for 2 hours on two cores.
+REPORTS = {
+    "results": ("bench",),
+    "synthesis": ("synth",),
+    "kills": ("kills SAMPLE=60 SEED={seed} PAGE=yes",),
+    "proved-flips": ("formal-flips",),
+    "proofs": ("formal",),
+    "fuzz": (
+        "fuzz COUNT=600 SEED={seed}",
+        "fuzz CONFIG=tiny COUNT=30 SEED={seed}",
+        "impatient COUNT=600 SEED={seed}",
+        "impatient CONFIG=tiny COUNT=100 SEED={seed}",
+        "fuzz-plants SEED={seed}",
+        "flips COUNT=2000 SEED={seed}",
+        "flips CONFIG=tiny COUNT=500 SEED={seed}",
+        "fuzz PAGE=yes",
+    ),
+    "soak": ("soak COUNT=3000 SEED={seed}", "soak CONFIG=tiny COUNT=500 SEED={seed}", "soak PAGE=yes"),
+    "starts": ("starts COUNT=500 SEED={seed}", "starts CONFIG=tiny COUNT=50 SEED={seed}", "starts PAGE=yes"),
+    "line-quality": ("line-quality",),
+    "conformance": ("conformance",),
+    "masters": ("masters",),
+    "coverage": ("coverage-rtl",),
+    "firmware-branches": ("coverage-firmware",),
+    "firmware-fuzzing": ("fuzz-firmware RUNS=1000000",),
+}
+# Reports whose subjects are modules or designs of their own.
+SUBJECTS: dict[str, Callable[[], dict[str, str]]] = {
+    "proofs": lambda: {name: prove.fingerprint(name) for name in prove.known()},
+    "proved-flips": lambda: {name: flips.fingerprint(name) for name in flips.known()},
+    "synthesis": lambda: {"design": synth.measured_from()},
+}
+
+
+def changed(name: str, of: dict[str, str]) -> list[str]:
+    """The subjects of a report that are not those of this tree."""
+    return fingerprint.difference(of, SUBJECTS[name]() if name in SUBJECTS else fingerprint.now(*of))
+
+
+def older() -> dict[str, str]:
+    """Reports that are missing or of another card, each with what is another."""
+    kept = evidence()
+    found = {name: changed(name, kept[name]["of"]) if name in kept else ["nothing yet"] for name in REPORTS}
+    return {name: ", ".join(other) for name, other in found.items() if other}
+
+
+def check() -> int:
+    wrong = older()
+    for name in REPORTS:
+        other = wrong.get(name)
+        print(f"{name}: " + (f"another {other}; make evidence ONLY={name}" if other else "of this card"))
+    return 1 if wrong else 0
+
+
+def renew(name: str) -> str:
+    """Runs the commands of one report; the one that failed, or nothing."""
+    seed = int(fingerprint.card()[:6], 16)
+    for command in REPORTS[name]:
+        target = command.format(seed=seed)
+        print(f"evidence: {name}: make {target}", flush=True)
+        done = subprocess.run(["make", "--no-print-directory", *target.split()], cwd=ROOT, check=False)
+        if done.returncode < 0 or done.returncode == 130:
+            raise KeyboardInterrupt
+        if done.returncode:
+            return f"make {target}: exit code {done.returncode}"
+    return ""
+
+
+def main() -> int:
+    parser = Parser(prog="evidence", description=__doc__.splitlines()[0])
+    parser.add_argument("--check", action="store_true", help="only name the reports of another card")
+    parser.add_argument("--only", choices=REPORTS, metavar="REPORT")
+    parser.add_argument("--again", action="store_true", help="measure also what is of this card")
+    given = parser.parse_args()
+    if given.check:
+        return check()
+    forget(REPORTS)
+    wanted = list(REPORTS) if given.again else list(older())
+    wanted = [name for name in wanted if given.only in (None, name)]
+    began, failed, took = time.monotonic(), [], {}
+    for number, name in enumerate(wanted, 1):
+        print(
+            f"evidence: report {number} of {len(wanted)}, {(time.monotonic() - began) / 60:.0f} min",
+            flush=True,
+        )
+        at = time.monotonic()
+        if trouble := renew(name):
+            failed.append(f"{name}: {trouble}")
+        took[name] = time.monotonic() - at
+    for name, seconds in took.items():
+        print(f"evidence: {name}: {seconds / 60:.1f} min")
+    print(
+        f"evidence: {len(wanted) - len(failed)} reports renewed in {(time.monotonic() - began) / 60:.0f} min"
+    )
+    for trouble in failed:
+        print(f"evidence: failed: {trouble}")
+    return int(bool(failed))
+
+
+if __name__ == "__main__":
+    run_main("evidence", main)
