@@ -66,7 +66,7 @@ WRONG_06 = "✗ fail     AP-2   after 06: the register holds 42439"
 @pytest.mark.parametrize(
     ("fault", "words", "code", "said", "wait_s"),
     [
-        (None, [], 0, "0 failed; 14 tests need the pins", 0.1),
+        (None, [], 0, "0 failed; 14 tests need the pins", SHORT_S),
         pytest.param(CODE_2, ["--own-codes", "quantity=2"], 0, "✓ own code AP-4  ", 0.5, marks=NIGHTLY),
         pytest.param("06 does not write", [], 1, WRONG_06, 0.5, marks=NIGHTLY),
     ],
@@ -75,7 +75,7 @@ def test_the_command_names_what_a_port_shows(fault, words, code, said, wait_s, c
     monkeypatch.setattr(cli.signal, "signal", lambda *_: None)
     record, line = str(tmp_path / "line.jsonl"), "--unit 17 --baud 19200 --format 8N1 --functions 3,6 --yes"
     with PtySlave(fault) as slave:
-        place = ["grade", slave.port.name, *line.split(), *words, "--timeout", str(wait_s), "--gap", "0.05"]
+        place = ["grade", slave.port.name, *line.split(), *words, "--timeout", str(wait_s), "--gap", "0.02"]
         result = cli.main([*place, "--record", record, "--report", str(tmp_path / "report.json")])
     assert cli.main([*place, "--replay", record, "--report", str(tmp_path / "report.html")]) == code
     shown = capsys.readouterr().out

@@ -13,8 +13,8 @@ import signal
 import subprocess
 import threading
 import time
-from dataclasses import dataclass
 from pathlib import Path
+from typing import NamedTuple
 
 ROOT = Path(__file__).resolve().parents[2]
 CARD = ROOT / os.environ.get("VIRTUAL_CARD", "build/card")
@@ -27,8 +27,7 @@ class CardError(Exception):
     """Error for the user, in one line."""
 
 
-@dataclass(frozen=True)
-class Frame:
+class Frame(NamedTuple):
     """A frame of the log; `start` and `end` in simulated seconds."""
 
     start: float
@@ -52,6 +51,8 @@ class RunningCard:
         self.link = folder / "modbus"
         self.log = folder / "card.jsonl"
         self.output: list[str] = []
+        self._entries: list[dict] = []
+        self._read_bytes = 0
         self.process = subprocess.Popen(
             [program, "--modbus", self.link, "--log", self.log, *options],
             stdin=subprocess.PIPE if "--control" in options else None,
@@ -116,9 +117,13 @@ class RunningCard:
         return code
 
     def entries(self) -> list[dict]:
-        """Complete lines of the log so far."""
-        text = self.log.read_text()
-        return [json.loads(line) for line in text[: text.rfind("\n") + 1].splitlines()]
+        """Complete lines of the log so far. Each is read once: tests ask again every few ms."""
+        with self.log.open("rb") as log:
+            log.seek(self._read_bytes)
+            whole = b"".join(log.read().rpartition(b"\n")[:2])
+        self._read_bytes += len(whole)
+        self._entries += map(json.loads, whole.splitlines())
+        return list(self._entries)
 
     def frames(self) -> list[Frame]:
         return [

@@ -24,6 +24,7 @@ import pytest
 from regs.dialects import STANDARD, STANDARD_DRIVE
 from sim.card.run_card import ROOT, RunningCard
 from sim.drive.drive_table import read_capacity, read_profile
+from sw.rtu2fc import card as card_module
 from sw.rtu2fc import cli, commands, port, problem, scan
 from sw.rtu2fc.card import parameter, parameters, raw_of
 from sw.rtu2fc.dialects import DIALECTS, meaning
@@ -73,9 +74,10 @@ def run(*words: object, env: dict[str, str] | None = None, stdin: str = "") -> s
     )
 
 
-@pytest.fixture(scope="module")
-def card(tmp_path_factory):
-    with Card(tmp_path_factory.mktemp("card"), "--quiet") as running:
+@pytest.fixture
+def card(tmp_path):
+    """Ends with its test: a card that waits costs half a processor."""
+    with Card(tmp_path, "--quiet") as running:
         yield running
 
 
@@ -188,12 +190,11 @@ def test_a_stop_is_sent_before_anything_is_printed(tmp_path):
         for command, output, code in (
             ("stop", ">/dev/full", 2),
             ("coast", ">/dev/full", 2),
-            ("reset", ">/dev/full", 2),
-            ("stop", ">/dev/full --json", 2),
+            ("reset", ">/dev/full --json", 2),
             ("stop", ">&-", 0),
             ("stop", "| true", 1),
         ):
-            card.ask("start", 40, "--yes")
+            card.ask("start", 2, "--yes")
             line = f"{' '.join(words)} {command} {card.link} {output}"
             done = subprocess.run(
                 ["bash", "-o", "pipefail", "-c", line], cwd=ROOT, capture_output=True, text=True, timeout=60
@@ -229,9 +230,10 @@ def test_a_reader_that_stops_still_gets_the_stop_command(tmp_path):
 
 
 @pytest.mark.parametrize("dialect", first(["card", "builtin", "hvac_basic"]))
-def test_a_stop_that_does_not_reach_the_drive_says_so(tmp_path, dialect):
+def test_a_stop_that_does_not_reach_the_drive_says_so(tmp_path, dialect, monkeypatch):
+    monkeypatch.setattr(card_module, "ANSWER_S", 0.5)
     with Card(tmp_path, "--quiet", "--control", "--dialect", dialect) as card:
-        card.ask("start", 40, "--yes")
+        card.ask("start", 2, "--yes")
         assert card.command("cut drive on") == "ok"
         for command in ("stop", "coast", "reset"):
             code, output = card.told(command)
@@ -246,6 +248,7 @@ def test_a_stop_that_does_not_reach_the_drive_says_so(tmp_path, dialect):
         code, output = card.told("stop")
         assert code == 4 and output.startswith("rtu2fc stop: no answer\n")
         assert "THE MOTOR MAY TURN" in output, "it was asked to stop, and nobody heard it"
+        monkeypatch.undo()
         card.command("cut modbus off")
         card.ask("stop")
 
@@ -298,7 +301,7 @@ def test_grade_says_that_it_may_leave_a_motor_on(tmp_path):
         found = json.loads(output)
         assert found["error"]["text"] == "stopped by Ctrl-C" and found["motor"].startswith(says)
         assert json.loads(report.read_text())["tests"] == found["tests"] != []
-        code, output = card.told("grade", "--yes", "--unit", 3, "--report", report)
+        code, output = card.told("grade", "--yes", "--unit", 3, "--timeout", 0.1, "--report", report)
         assert code == 4 and "may turn" not in output
         assert json.loads(report.read_text())["tests"] == found["tests"], "the old file stays"
 
@@ -432,8 +435,9 @@ def test_no_answer_says_what_was_tried_and_what_is_next(card):
     assert f"\n## {title}\n" in (ROOT / page).read_text()
 
 
-def test_a_bad_line_is_said(tmp_path):
+def test_a_bad_line_is_said(tmp_path, monkeypatch):
     """Flipped bits, then a broken wire."""
+    monkeypatch.setattr(card_module, "ANSWER_S", 0.5)
     with Card(tmp_path, "--quiet", "--control") as card:
         card.command("noise modbus 400")
         code, output = card.told("read", *range(100, 106))
@@ -443,6 +447,7 @@ def test_a_bad_line_is_said(tmp_path):
         card.command("noise modbus 0")
         card.command("cut modbus on")
         assert card.told("status")[1].startswith("rtu2fc status: no answer\n")
+        monkeypatch.undo()
         card.command("cut modbus off")
         card.ask("status")
 
@@ -525,20 +530,20 @@ def test_the_switches_are_those_of_the_card(capsys):
 def test_a_recorded_line_is_replayed_without_a_port(card, tmp_path):
     record = tmp_path / "line.jsonl"
     said = card.ask("read", "104", "615[2]", "621", "--record", record)
-    again = json.loads(run("read", "nowhere", "104", "615[2]", "621", "--replay", record, "--json").stdout)
-    assert again == said
-    done = run("read", "nowhere", "105", "--replay", record)
-    assert done.returncode == 2 and "the record has 01 03 " in done.stderr
+    card.stop()
+    assert card.ask("read", "104", "615[2]", "621", "--replay", record) == said
+    code, output = card.told("read", "105", "--replay", record)
+    assert code == 2 and "the record has 01 03 " in output
 
 
 def test_watch_writes_a_table_a_log_and_a_plot(card, tmp_path):
     files = {"--csv": tmp_path / "w.csv", "--plot": tmp_path / "w.svg"}
     options = [word for pair in files.items() for word in pair]
-    done = run("watch", card.link, 514, 533, "--every", 0.2, "--for", 0.7, *options)
-    assert done.returncode == 0, done.stderr
+    code, output = card.told("watch", 514, 533, "--every", 0.2, "--for", 0.7, *options)
+    assert code == 0, output
     rows = files["--csv"].read_text().splitlines()
     assert rows[0] == "seconds,514 Readout: Motor current A,533 Display text 1" and len(rows) >= 3
-    assert re.search(r"^ +0\.\d s  514 = 0\.00 A  533 = '", done.stdout, re.MULTILINE)
+    assert re.search(r"^ +0\.\d s  514 = 0\.00 A  533 = '", output, re.MULTILINE)
     assert files["--plot"].read_text().count("<polyline") == 2
 
 
@@ -547,7 +552,7 @@ def test_scan_finds_rate_and_unit(tmp_path, monkeypatch):
     monkeypatch.setattr(scan, "LISTEN_S", 0.1)
     monkeypatch.setattr(scan, "ANSWER_S", 1.0)  # the virtual card falls behind on a busy machine
     with Card(tmp_path, "--quiet", "--sw-addr", "11100000") as card:
-        found = card.ask("scan", "--units", "5-8")
+        found = card.ask("scan", "--units", "6-7")
         assert found["found"] == [{"baud": 9600, "format": "8N2", "unit": 7, "heard": False}]
         card.stop()
         asked = {frame.data[1] for frame in card.frames() if frame.sender == "master"}
