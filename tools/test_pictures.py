@@ -12,6 +12,7 @@ from rtl.sources import ROOT
 from tools import chromium, pictures
 from tools.test_diagrams import FONTS, misplaced
 
+pytestmark = pytest.mark.nightly("pages")
 PAGES = [ROOT / "README.md", *(ROOT / "docs").rglob("*.md")]
 
 
@@ -25,7 +26,6 @@ def test_every_picture_is_in_a_page():
     assert set(pictures.DRAWINGS) <= shown
 
 
-@pytest.mark.nightly("pages")
 def test_every_word_is_in_its_place_in_every_font(tmp_path):
     drawn = {name: draw().svg() for name, draw in pictures.DRAWINGS.items()}
     # The words of an arrow are a matter of the timing diagrams, whose check this is.
@@ -59,7 +59,6 @@ return seen;
 
 
 @pytest.mark.rule("LINE-2", "LINE-3", "LINE-7")
-@pytest.mark.nightly("pages")
 def test_the_page_of_switch_positions(tmp_path):
     """Every rate and format that one chooses shows switches of the rules, and clicks are read back."""
     seen = chromium.evaluate(pictures.PAGE.read_text(), CLICKED, tmp_path, width=390).found

@@ -20,14 +20,11 @@ from dataclasses import dataclass
 from pathlib import Path
 
 import pytest
-from cocotb_tools import config as cocotb_files
-from cocotb_tools.runner import as_sv_literal, get_runner
 
 from rtl import cache
 from rtl.sources import ROOT, configuration, needed_files, rtl_files
 from sim.harness.power_up import copies_without_values
 from sim.harness.wave_rows import ROW_FILES, copies_with_rows
-from sim.view.waves import save_file
 from tb.lib.config import CLOCK_VARIABLE, CONFIG_VARIABLE
 from tb.lib.seeds import seeded
 from tb.model.card import DIALECTS
@@ -102,6 +99,9 @@ def run(
     search. String parameters are quoted here. `testcase` names the cocotb tests to run, parametrised ones by
     their function; default: all.
     """
+    # Not at the top: each simulation imports this file, too.
+    from cocotb_tools.runner import as_sv_literal, get_runner
+
     for tool in TOOLS[sim]:
         if shutil.which(tool) is None:
             pytest.fail(f"{tool} is missing; run `make setup`", pytrace=False)
@@ -153,6 +153,7 @@ def run(
             waves=waves,
             extra_env={
                 "PYTHONWARNINGS": "error::DeprecationWarning",
+                "PYTEST_DISABLE_PLUGIN_AUTOLOAD": "1",  # cocotb asks pytest for its assertions alone
                 # A build of another checkout names the libraries of that one, which may be gone.
                 "LD_LIBRARY_PATH": _library_path(),
                 CONFIG_VARIABLE: config,
@@ -171,6 +172,8 @@ def run(
 
 
 def _library_path() -> str:
+    from cocotb_tools import config as cocotb_files
+
     folders = [str(cocotb_files.libs_dir), os.environ.get("LD_LIBRARY_PATH", "")]
     return os.pathsep.join(filter(None, folders))
 
@@ -294,6 +297,8 @@ def _keep_recording(
     run_folder: Path, dump: Path, test_name: str, top: str, parameters: Mapping[str, object]
 ) -> None:
     """Keeps waveform, capture and log under the test's name; a module without lines has a waveform only."""
+    from sim.view.waves import save_file
+
     WAVES_FOLDER.mkdir(parents=True, exist_ok=True)
     kept = WAVES_FOLDER / f"{test_name}.fst"
     shutil.move(dump, kept)

@@ -12,7 +12,7 @@ from cocotb.triggers import ReadOnly
 
 from tb.lib.bench import Bench, Strobes, inputs
 from tb.lib.runner import run
-from tb.lib.seeds import seeded
+from tb.lib.seeds import cases, seeded
 
 # Kinds of telegrams, and the request whose commit licenses one.
 NEWEST, IMAGE, ONE, ALL = range(4)
@@ -646,7 +646,7 @@ async def random_histories_send_what_the_rules_allow_and_lose_nothing(dut):
         rules.clock(now, mine, replied, sent)
         return sent
 
-    for _ in range(400):
+    for _ in range(cases(200, 400)):
         for _ in range(40):
             now = {name: int(rng.random() < odds) for name, odds in ODDS.items()}
             for names in AT_ONCE:  # neither the receiver nor the firmware says two of these in one clock
