@@ -143,9 +143,10 @@ def test_a_variable_of_the_environment_starts_no_motor():
 
 
 def test_a_variable_is_an_option_of_a_campaign():
-    done = command("make", "-n", "soak", "COUNT=5", "JOBS=4")
+    planned = ("make", "-n", "-ocard", "-odrive", "-ofirmware")  # else it works out how to build every image
+    done = command(*planned, "soak", "COUNT=5", "JOBS=4")
     assert done.stdout.splitlines()[-1].endswith('campaigns.soak.run --count "5" --jobs "4" ')
-    assert '--jobs "4"' in command("make", "-n", "mutate", "JOBS=4").stdout
+    assert '--jobs "4"' in command(*planned, "mutate", "JOBS=4").stdout
 
 
 @pytest.mark.rule("TOP-2")
