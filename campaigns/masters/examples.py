@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Runs the example of a master like an owner, but on a pty; returns its output."""
+"""Runs the example of a master like an owner, but on a pty and with a motor that runs; returns its output."""
 
 from __future__ import annotations
 
@@ -8,9 +8,14 @@ import subprocess
 import tempfile
 from pathlib import Path
 
+from campaigns.masters.cases import READY, bits
 from campaigns.masters.masters import PORT, PYTHON, TCP_PORT, Master
 from campaigns.masters.session import OPEN_S, MastersError, place, tcp_of
 from rtl.sources import ROOT
+from sim.card.masters import Pymodbus
+from tb.agents import rtu
+
+START, SLOW = 0x047C, 0x0333  # control word; reference 5 %
 
 
 def command(program: Path, folder: Path) -> list[str]:
@@ -29,6 +34,8 @@ def run(master: Master) -> str:
         folder = Path(stack.enter_context(tempfile.TemporaryDirectory()))
         there = stack.enter_context(place("card"))
         port, ours = there.relay.path, PORT
+        with Pymodbus(port) as client:
+            client.ask(rtu.build(1, rtu.write_coils(0, bits(START) + bits(SLOW))))
         if master.by_tcp:
             port, ours = stack.enter_context(tcp_of(port)).rpartition(":")[2], TCP_PORT
         text = master.example_path.read_text()
@@ -40,9 +47,13 @@ def run(master: Master) -> str:
             command(program, folder),
             cwd=ROOT,
             env=master.environ(),
-            capture_output=True,
+            stdout=subprocess.PIPE,
+            stderr=subprocess.STDOUT,
             text=True,
             timeout=OPEN_S,
             check=False,
         )
-    return (done.stdout + done.stderr).replace(port, ours)
+        shown = done.stdout.replace(port, ours)
+        if not shown.endswith("stopped\n") or there.card.state()["motor"]["status"] != READY:
+            raise MastersError(f"{master.example} does not end in a stopped drive: {shown}")
+    return shown

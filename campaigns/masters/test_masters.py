@@ -3,11 +3,13 @@
 
 from __future__ import annotations
 
+import sys
+
 import pytest
 
-from campaigns.masters import judge
+from campaigns.masters import examples, judge
 from campaigns.masters.cases import CUT, LONGER, PROFILES, SILENCE, Case, cases, pdu_of, reply_of
-from campaigns.masters.masters import MASTERS
+from campaigns.masters.masters import BY_ID, MASTERS
 from tb.lib.rows import each_row
 from tb.model import fc_telegram as fc
 from tb.model.card import DIALECTS, CardModel
@@ -87,7 +89,8 @@ def test_a_wrong_answer_of_any_case_is_found(dialect, case):
     assert judge.deviations(MASTERS[0], dialect, records) == [f"pymodbus, {dialect}, {case.title}: no answer"]
 
 
-# ---------------------------------------------------------------- the command
-
-
-# ---------------------------------------------------------------- adapters, relay
+@pytest.mark.parametrize("master", ["pymodbus", "mbpoll"])
+def test_an_example_program_ends_in_a_stopped_drive(master, monkeypatch):
+    """Of two masters that the tests have. `make masters` runs the program of each."""
+    monkeypatch.setattr(examples, "PYTHON", sys.executable)
+    assert examples.run(BY_ID[master]).endswith("\nstopped\n")

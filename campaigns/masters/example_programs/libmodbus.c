@@ -12,9 +12,13 @@ int main(void) {
   if (modbus_read_registers(drive, 2, 1, words) == 1) printf("40003: %u\n", (unsigned)words[0]);
   if (modbus_read_registers(drive, 5139, 2, words) == 2)
     printf("motor current: %.2f A\n", ((uint32_t)words[0] << 16 | words[1]) / 100.0);
+  if (modbus_read_bits(drive, 128, 1, coils) < 0) puts(modbus_strerror(errno));
   for (int i = 0; i < 16; i++) coils[i] = 0x043C >> i & 1;
   if (modbus_write_bits(drive, 0, 32, coils) == 32) puts("ramp stop accepted");
-  if (modbus_read_bits(drive, 128, 1, coils) < 0) puts(modbus_strerror(errno));
+  /* Coil 44 is of the drive's last reply: read a parameter first. */
+  while (modbus_read_registers(drive, 5139, 2, words) != 2 || modbus_read_bits(drive, 43, 1, coils) != 1 || coils[0])
+    continue;
+  puts("stopped");
   modbus_close(drive);
   modbus_free(drive);
   return 0;

@@ -9,9 +9,14 @@ master.set_timeout(1)
 print("40003:", master.execute(1, defines.READ_HOLDING_REGISTERS, 2, 1))
 (current,) = master.execute(1, defines.READ_HOLDING_REGISTERS, 5139, 2, data_format=">L")
 print("motor current:", current / 100, "A")
-ramp_stop = [0x043C >> i & 1 for i in range(32)]
-print("ramp stop:", master.execute(1, defines.WRITE_MULTIPLE_COILS, 0, output_value=ramp_stop))
 try:
     master.execute(1, defines.READ_COILS, 128, 1)
 except ModbusError as error:
     print("exception", error.get_exception_code())
+ramp_stop = [0x043C >> i & 1 for i in range(32)]
+print("ramp stop accepted:", master.execute(1, defines.WRITE_MULTIPLE_COILS, 0, output_value=ramp_stop))
+running = True
+while running:  # coil 44 is of the drive's last reply: read a parameter first
+    master.execute(1, defines.READ_HOLDING_REGISTERS, 5139, 2)
+    running = master.execute(1, defines.READ_COILS, 43, 1)[0]
+print("stopped")

@@ -12,12 +12,17 @@ async def main() -> None:
         print("40003:", await drive.read_holding_registers(2, 1))
         high, low = await drive.read_holding_registers(5139, 2)
         print("motor current:", (high << 16 | low) / 100, "A")
-        ramp_stop = [bool(0x043C >> i & 1) for i in range(32)]
-        print("ramp stop:", await drive.write_multiple_coils(0, ramp_stop))
         try:
             await drive.read_coils(128, 1)
         except ModbusResponseError as error:
             print("exception", error.error_code)
+        ramp_stop = [bool(0x043C >> i & 1) for i in range(32)]
+        print("ramp stop accepted:", await drive.write_multiple_coils(0, ramp_stop))
+        running = True
+        while running:  # coil 44 is of the drive's last reply: read a parameter first
+            await drive.read_holding_registers(5139, 2)
+            running = (await drive.read_coils(43, 1))[0]
+        print("stopped")
 
 
 asyncio.run(main())
