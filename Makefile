@@ -90,7 +90,7 @@ DESCRIBED = /^""".*; `make [a-z-]+`\.("""|$$)/
 #:   FILE=name     a recording (wireshark, telegrams, replay); FIRMWARE=file: an image (image)
 #:   UNIT=, BAUD=, CHANNEL=name, FORMAT=8N2, INVERT=yes, REPLIES=no, FOR=s, DIALECT=name, STRICT_T15=no,
 #:   BREAK_TOLERANT=yes   docs/guide/debugging.md (replay)
-#:   JOBS=n        processes; default: 2. CHECK=1: write nothing (coverage-firmware, evidence)
+#:   JOBS=n        processes; default: 2. CHECK=1: write nothing (coverage-firmware, evidence, digests)
 #:   PORT=device   of a real card's adapter; UNIT=, BAUD=, FORMAT=, DIALECT= as the card is set; DRIVE=yes: a drive is
 #:                 connected; BOOT=yes, ROW=text, START=percent: docs/guide/bring-up.md (selftest)
 #:   EXTENDED_SWITCHES=1   38400 and 115200 bit/s and 8N1 (card); BOARD=name-extended likewise (synth, image, release)
@@ -281,6 +281,10 @@ $(foreach each,$(CAMPAIGNS),$(eval $(call campaign,$(word 1,$(subst =, ,$(each))
 release: diagrams | setup-synth setup-pages setup-docs ## all files of a release: build/dist (DRAFT=1, BOARD=name, CHECK=1)
 	@$(RUN) tools.handbook --site
 	@$(RUN) tools.release $(if $(TAG),--tag "$(TAG)") $(if $(DRAFT),--draft) $(if $(BOARD),--board $(BOARD)) $(if $(CHECK),--check)
+
+digests: | setup-test ## SHA-256 of images and designs: tools/digests.txt (CHECK=1: compare; BOARD=name or all: designs too)
+	@$(if $(BOARD),tools/setup.sh synth)
+	@$(RUN) tools.digests $(if $(CHECK),--check) $(if $(BOARD),--board $(BOARD))
 
 version: ## the version of the release, as in VERSION
 	@tools/setup.sh --version

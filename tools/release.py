@@ -6,10 +6,11 @@
 
 1. Change VERSION and run `make regs`, before the measurements: images with function 11 contain the number.
 2. `make evidence` renews each report of an older card, in two hours.
-3. In CHANGELOG.md give the version's section its date. Nothing stays below [Unreleased].
-4. Commit; `make lint` and `make nightly` must pass on that commit.
-5. `make release`, then `make release CHECK=1`. Read data sheet, report and site of build/dist.
-6. `git tag -a v1.2.3 -m "rtu2fc 1.2.3"`, and push it: .github/workflows/release.yml repeats 4 and 5. Publish
+3. `make digests BOARD=all`; a release with other bytes is refused.
+4. In CHANGELOG.md give the version's section its date. Nothing stays below [Unreleased].
+5. Commit; `make lint` and `make nightly` must pass on that commit.
+6. `make release`, then `make release CHECK=1`. Read data sheet, report and site of build/dist.
+7. `git tag -a v1.2.3 -m "rtu2fc 1.2.3"`, and push it: .github/workflows/release.yml repeats 5 and 6. Publish
    the files if its SHA256SUMS is yours. Equal bytes need equal tools, which the list of contents names.
 
 Bitstreams of every board, of both kinds, with every firmware image that fits it, the images, the Python
@@ -24,8 +25,6 @@ found other bytes; 2: something could not be built.
 
 from __future__ import annotations
 
-import hashlib
-import os
 import re
 import shutil
 import subprocess
@@ -37,12 +36,12 @@ from dataclasses import dataclass, field
 from pathlib import Path
 
 from campaigns.bench import fingerprint
-from constraints import flow, image, synth
-from constraints.boards import Board, board, boards, extended
-from regs.dialects import IMAGES
+from constraints import flow, image
+from constraints.boards import Board, board
 from rtl.command import STOPPED, VERSION, Parser, run_main
 from rtl.sources import ROOT, SourcesError, commit
-from tools import datasheet, evidence, trace, wheels
+from tools import datasheet, digests, evidence, trace, wheels
+from tools.digests import Image, both_kinds, cross_compiler, design, digest, firmware, first_line
 from tools.site import build as site
 
 DIST = ROOT / "build/dist"
@@ -52,8 +51,6 @@ SUMS = "SHA256SUMS"
 CHANGELOG = ROOT / "CHANGELOG.md"
 # Folders of build/ that the site shows; their commands have written them before.
 SHOWN = ("reports", "pictures", "diagrams", "pages")
-# Folders of sw/firmware.mk with the images of an option, or of all at once.
-OPTIONS = {name.rpartition("/")[2] for name in IMAGES}
 # The date of every file in the archive, the first that zip knows.
 ZIP_DATE = (1980, 1, 1, 0, 0, 0)
 ZIP_MODE = 0o100644 << 16
@@ -63,7 +60,14 @@ class ReleaseError(Exception):
     """Error for the user, in one line."""
 
 
-ERRORS = (ReleaseError, SourcesError, flow.SynthError, image.ImageError, datasheet.DatasheetError)
+ERRORS = (
+    ReleaseError,
+    digests.BuildError,
+    SourcesError,
+    flow.SynthError,
+    image.ImageError,
+    datasheet.DatasheetError,
+)
 ERRORS += (wheels.WheelError, OSError)
 
 
@@ -151,65 +155,8 @@ class Dist:
         (self.folder / sums_name(self.draft)).write_text(text)
 
 
-def digest(path: Path) -> str:
-    return hashlib.sha256(path.read_bytes()).hexdigest()
-
-
 def sums_name(draft: bool) -> str:
     return f"{SUMS}{'-draft' * draft}"
-
-
-def cross_compiler() -> str:
-    return os.environ.get("FIRMWARE_CROSS", "riscv64-unknown-elf-") + "gcc"
-
-
-def first_line(*command: str) -> str:
-    try:
-        done = subprocess.run(command, capture_output=True, text=True, check=True)
-    except (OSError, subprocess.CalledProcessError):
-        raise ReleaseError(f"{command[0]} is missing; run `make setup`") from None
-    return done.stdout.splitlines()[0].strip()
-
-
-@dataclass(frozen=True)
-class Image:
-    """A firmware image, named after its folder below build: dialect, then options."""
-
-    path: Path
-
-    @property
-    def words(self) -> int:
-        return len(self.path.read_text().split())
-
-    @property
-    def options(self) -> list[str]:
-        return [part for part in self.path.parent.parts if part in OPTIONS]
-
-    @property
-    def name(self) -> str:
-        memories = ("build", "tiny", "large")
-        dialect = [part for part in self.path.parent.parts if part not in (*memories, *OPTIONS)] or ["card"]
-        return "-".join([*dialect, *self.options]).replace("_", "-")
-
-    @property
-    def memory(self) -> str:
-        return f"{4 * self.words // 1024} KiB"
-
-
-def firmware() -> list[Image]:
-    """Builds every image with its default options."""
-    command = ["make", "-s", "-f", "sw/firmware.mk", "FIRMWARE_DEFINES=", f"FIRMWARE_PYTHON={sys.executable}"]
-    clean = {name: value for name, value in os.environ.items() if not re.match(r"MAKE|MFLAGS", name)}
-    said = ""
-    for target in ("firmware", "firmware-images"):
-        done = subprocess.run(
-            [*command, target], cwd=ROOT, env=clean, capture_output=True, text=True, check=False
-        )
-        if done.returncode:
-            reason = (done.stderr.strip() or "make failed").splitlines()[0]
-            raise ReleaseError(f"firmware: {reason}")
-        said = done.stdout
-    return [Image(Path(name)) for name in said.split()]
 
 
 def add_firmware(dist: Dist, images: list[Image]) -> None:
@@ -217,21 +164,6 @@ def add_firmware(dist: Dist, images: list[Image]) -> None:
         memory = one.memory.replace(" KiB", "k")
         text = f"firmware {one.name} for a memory of {one.memory} (`make image`)"
         dist.add(f"firmware-{memory}-{one.name}", ".hex", one.path.read_bytes(), text)
-
-
-def both_kinds() -> list[Board]:
-    """Every board, without and with EXTENDED_SWITCHES."""
-    return [kind for entry in boards().values() for kind in (entry, extended(entry))]
-
-
-def design(entry: Board) -> None:
-    """Builds the board's placed and routed design, unless it is up to date."""
-    finished = flow.BUILD / entry.name / f"{entry.top}{flow.suffix(entry)}"
-    if finished.exists() and flow.up_to_date(entry):
-        return
-    print(f"  {entry.name}: place and route", flush=True)
-    if wrong := synth.too_big(entry.name, synth.build(entry)):
-        raise ReleaseError("; ".join(wrong))
 
 
 def kind(entry: Board, path: Path) -> str:
@@ -312,6 +244,8 @@ def build(draft: bool, chosen: list[Board], version: str) -> None:
         add_firmware(dist, images)
         for entry in chosen:
             add_bitstreams(dist, entry, images)
+        if not draft and (wrong := digests.different(digests.of_images(images) | digests.of_designs(chosen))):
+            raise ReleaseError(wrong[0])
         dist.write_contents()
         dist.write_sums()
         shutil.rmtree(DIST, ignore_errors=True)

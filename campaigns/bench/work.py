@@ -40,8 +40,8 @@ REPEATS_ELSE = 4
 # The slowest cases, where the firmware has least time. Four repeats missed one that was late in one phase of
 # fifty.
 PHASES, PHASES_AT = 100, (38400, 115200)
-# At lower rates each format has a quarter of the sizes: every size once at each rate. At 300 and 1200 bit/s the
-# card has most time and a request takes longest, so two formats have the extremes alone.
+# At lower rates each format has a quarter of the sizes: every size once at each rate. At 300 and 1200 bit/s
+# the card has most time and a request takes longest, so two formats have the extremes alone.
 EACH_SIZE_FROM, QUARTER_FROM = 9600, 2400
 SLOW_FORMS = (FORM, SETTLED_FORM)
 # Random requests by rate, 5,000 in all and equally many in each format: more where more fit into a second.

@@ -1,0 +1,180 @@
+# SPDX-License-Identifier: Apache-2.0
+"""SHA-256 of every firmware image and every board's design, kept in tools/digests.txt; `make digests`.
+
+    python -m tools.digests [--board NAME ...]             writes those of the images and of these designs
+    python -m tools.digests --check [--board NAME ...]     builds them and compares; exit 1: one differs
+
+Whoever builds the same sources can see that the bytes are the same. A change of the firmware changes digests
+in the same commit. A design is what place and route leaves, with a test pattern in place of the firmware, so
+only a change of the hardware changes it; a bitstream of a release is a design with an image. Images of
+another compiler than the one in the file are not compared. Exit 2: something could not be built.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import os
+import re
+import subprocess
+import sys
+from dataclasses import dataclass
+from pathlib import Path
+
+from constraints import flow, synth
+from constraints.boards import Board, board, boards, extended
+from regs.dialects import IMAGES
+from rtl.command import Parser, run_main
+from rtl.sources import ROOT, SourcesError
+
+FILE = ROOT / "tools/digests.txt"
+COMPILER = "# compiler: "
+# Folders of sw/firmware.mk with the images of an option, or of all at once.
+OPTIONS = {name.rpartition("/")[2] for name in IMAGES}
+HEAD = "# SHA-256, by `make digests`; what it says: tools/digests.py\n"
+
+
+def both_kinds() -> list[Board]:
+    """Every board, without and with EXTENDED_SWITCHES."""
+    return [kind for entry in boards().values() for kind in (entry, extended(entry))]
+
+
+class BuildError(Exception):
+    """Error for the user, in one line."""
+
+
+def digest(path: Path) -> str:
+    return hashlib.sha256(path.read_bytes()).hexdigest()
+
+
+def cross_compiler() -> str:
+    return os.environ.get("FIRMWARE_CROSS", "riscv64-unknown-elf-") + "gcc"
+
+
+def first_line(*command: str) -> str:
+    try:
+        done = subprocess.run(command, capture_output=True, text=True, check=True)
+    except (OSError, subprocess.CalledProcessError):
+        raise BuildError(f"{command[0]} is missing; run `make setup`") from None
+    return done.stdout.splitlines()[0].strip()
+
+
+@dataclass(frozen=True)
+class Image:
+    """A firmware image, named after its folder below build: dialect, then options."""
+
+    path: Path
+
+    @property
+    def words(self) -> int:
+        return len(self.path.read_text().split())
+
+    @property
+    def options(self) -> list[str]:
+        return [part for part in self.path.parent.parts if part in OPTIONS]
+
+    @property
+    def name(self) -> str:
+        memories = ("build", "tiny", "large")
+        dialect = [part for part in self.path.parent.parts if part not in (*memories, *OPTIONS)] or ["card"]
+        return "-".join([*dialect, *self.options]).replace("_", "-")
+
+    @property
+    def memory(self) -> str:
+        return f"{4 * self.words // 1024} KiB"
+
+
+def firmware() -> list[Image]:
+    """Builds every image with its default options."""
+    command = ["make", "-s", "-f", "sw/firmware.mk", "FIRMWARE_DEFINES=", f"FIRMWARE_PYTHON={sys.executable}"]
+    clean = {name: value for name, value in os.environ.items() if not re.match(r"MAKE|MFLAGS", name)}
+    said = ""
+    for target in ("firmware", "firmware-images"):
+        done = subprocess.run(
+            [*command, target], cwd=ROOT, env=clean, capture_output=True, text=True, check=False
+        )
+        if done.returncode:
+            reason = (done.stderr.strip() or "make failed").splitlines()[0]
+            raise BuildError(f"firmware: {reason}")
+        said = done.stdout
+    return [Image(Path(name)) for name in said.split()]
+
+
+def design(entry: Board) -> None:
+    """Builds the board's placed and routed design, unless it is up to date."""
+    finished = flow.BUILD / entry.name / f"{entry.top}{flow.suffix(entry)}"
+    if finished.exists() and flow.up_to_date(entry):
+        return
+    print(f"  {entry.name}: place and route", flush=True)
+    if wrong := synth.too_big(entry.name, synth.build(entry)):
+        raise BuildError("; ".join(wrong))
+
+
+def kept() -> tuple[str, dict[str, str]]:
+    """The compiler of the images, and the digests by name."""
+    text = FILE.read_text() if FILE.exists() else ""
+    compiler = re.search(rf"^{COMPILER}(.*)$", text, re.MULTILINE)
+    lines = [line.split("  ") for line in text.splitlines() if line and not line.startswith("#")]
+    return compiler[1] if compiler else "", {name: value for value, name in lines}
+
+
+def write(compiler: str, digests: dict[str, str]) -> None:
+    lines = [f"{value}  {name}\n" for name, value in sorted(digests.items())]
+    FILE.write_text(f"{HEAD}{COMPILER}{compiler}\n{''.join(lines)}")
+
+
+def of_images(images: list[Image]) -> dict[str, str]:
+    return {
+        f"firmware-{one.memory.replace(' KiB', 'k')}-{one.name}.hex": digest(ROOT / one.path)
+        for one in images
+    }
+
+
+def of_design(entry: Board) -> dict[str, str]:
+    """Builds the design unless it is there."""
+    design(entry)
+    path = flow.BUILD / entry.name / f"{entry.top}{flow.suffix(entry)}"
+    return {f"design-{entry.name}{path.suffix}": digest(path)}
+
+
+def of_designs(entries: list[Board]) -> dict[str, str]:
+    return {name: value for entry in entries for name, value in of_design(entry).items()}
+
+
+def different(found: dict[str, str], images: bool = True) -> list[str]:
+    """A line for each digest that is not that of the file, and for each image of it that is no more made."""
+    _, known = kept()
+    wrong = [
+        f"{name}: {'another digest than in' if name in known else 'not in'} {FILE.name}; run `make digests`"
+        for name, value in found.items()
+        if known.get(name) != value
+    ]
+    gone = [name for name in known if images and name.startswith("firmware-") and name not in found]
+    return wrong + [f"{name}: in {FILE.name}, but not made any more; run `make digests`" for name in gone]
+
+
+def main() -> int:
+    parser = Parser(prog="digests", description=__doc__.splitlines()[0])
+    parser.add_argument("--check", action="store_true", help="compare, write nothing")
+    parser.add_argument("--board", action="append", default=[], help="its design too; all: every board's")
+    given = parser.parse_args()
+    compiler = first_line(cross_compiler(), "--version")
+    of_file, known = kept()
+    found = of_images(firmware())
+    found |= of_designs(both_kinds() if given.board == ["all"] else [board(name) for name in given.board])
+    if not given.check:
+        others = {name: value for name, value in known.items() if not name.startswith("firmware-")}
+        write(compiler, others | found)
+        print(f"digests: {len(found)} written to {FILE.relative_to(ROOT)}")
+        return 0
+    if compiler != of_file:
+        print(f"digests: images not compared: they are of {of_file}, and here is {compiler}")
+        found = {name: value for name, value in found.items() if not name.startswith("firmware-")}
+    wrong = different(found, images=compiler == of_file)
+    for line in wrong:
+        print(f"digests: {line}", file=sys.stderr)
+    print(f"digests: {len(found) - len(wrong)} of {len(found)} are those of {FILE.relative_to(ROOT)}")
+    return int(bool(wrong))
+
+
+if __name__ == "__main__":
+    run_main("digests", main, BuildError, flow.SynthError, SourcesError)
