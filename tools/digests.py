@@ -119,7 +119,8 @@ def kept() -> tuple[str, dict[str, str]]:
 
 def write(compiler: str, digests: dict[str, str]) -> None:
     lines = [f"{value}  {name}\n" for name, value in sorted(digests.items())]
-    FILE.write_text(f"{HEAD}{COMPILER}{compiler}\n{''.join(lines)}")
+    licence = Path(__file__).read_text().splitlines()[0]
+    FILE.write_text(f"{licence}\n{HEAD}{COMPILER}{compiler}\n{''.join(lines)}")
 
 
 def of_images(images: list[Image]) -> dict[str, str]:
