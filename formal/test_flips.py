@@ -10,6 +10,7 @@ import pytest
 from formal import flips
 from formal import prove as formal
 
+pytestmark = pytest.mark.nightly
 ABOUT = {"task": "prove", "promises": ["a_licence", "a_command"], "clocks": 3}
 
 

@@ -103,12 +103,13 @@ def pins_of(module: str, name: str, more: str, monkeypatch) -> str:
     return formal.check_pins(tasks[name])
 
 
+@pytest.mark.nightly
 @pytest.mark.parametrize(
     ("module", "proof", "more", "errors"),
     [
         ("silence_timer", "prove_drive", "always @* assume (!busy);", "never allow busy = 1"),
         *(
-            pytest.param("network_port", "prove", more, errors, marks=pytest.mark.nightly)
+            ("network_port", "prove", more, errors)
             for more, errors in (
                 ("", ""),
                 ("always @* assume (!tick16);", "the assumptions never allow tick16 = 1"),
@@ -140,6 +141,7 @@ def test_every_pin_is_checked() -> None:
         assert len(formal_pins.values(text)) >= 2 * (len(ports) - clocked), path.name
 
 
+@pytest.mark.nightly
 @pytest.mark.parametrize("sound", [True, False])
 def test_one_failure_fails_the_run_and_keeps_the_page(monkeypatch, written, sound) -> None:
     def run_of(task: formal.Task) -> formal.Task:

@@ -83,7 +83,7 @@ def test_the_small_card_is_in_time_with_its_two_slowest_requests():
         115_200,
         "8N1",
         *({name: kind[name]} for name, kind in zip(slowest, (LOCAL, TELEGRAMS), strict=True)),
-        4,
+        2,
     )
 
 
