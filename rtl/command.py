@@ -55,6 +55,11 @@ def run_main(name: str, main: Callable[[], int | None], *errors: type[Exception]
         sys.exit(STOPPED)
 
 
+def own_environment() -> dict[str, str]:
+    """For a make that is started: without the variables of the make above."""
+    return {name: value for name, value in os.environ.items() if not name.startswith(("MAKE", "MFLAGS"))}
+
+
 def write_files(name: str, about: str, files: dict[Path, str], make: str) -> int:
     """The command of a generator: writes the files that differ, or with --check names them."""
     parser = Parser(prog=name, description=about.splitlines()[0])

@@ -23,7 +23,7 @@ from pathlib import Path
 from constraints import flow, synth
 from constraints.boards import Board, board, boards, extended
 from regs.dialects import IMAGES
-from rtl.command import Parser, run_main
+from rtl.command import Parser, own_environment, run_main
 from rtl.sources import ROOT, SourcesError
 
 FILE = ROOT / "tools/digests.txt"
@@ -86,11 +86,10 @@ class Image:
 def firmware() -> list[Image]:
     """Builds every image with its default options."""
     command = ["make", "-s", "-f", "sw/firmware.mk", "FIRMWARE_DEFINES=", f"FIRMWARE_PYTHON={sys.executable}"]
-    clean = {name: value for name, value in os.environ.items() if not re.match(r"MAKE|MFLAGS", name)}
     said = ""
     for target in ("firmware", "firmware-images"):
         done = subprocess.run(
-            [*command, target], cwd=ROOT, env=clean, capture_output=True, text=True, check=False
+            [*command, target], cwd=ROOT, env=own_environment(), capture_output=True, text=True, check=False
         )
         if done.returncode:
             reason = (done.stderr.strip() or "make failed").splitlines()[0]

@@ -19,7 +19,7 @@ from collections.abc import Callable
 from campaigns.bench import fingerprint
 from constraints import synth
 from formal import flips, prove
-from rtl.command import Parser, run_main
+from rtl.command import Parser, own_environment, run_main
 from rtl.report_page import evidence, forget
 from rtl.sources import ROOT
 
@@ -83,7 +83,8 @@ def renew(name: str) -> str:
     for command in REPORTS[name]:
         target = command.format(seed=seed)
         print(f"evidence: {name}: make {target}", flush=True)
-        done = subprocess.run(["make", "--no-print-directory", *target.split()], cwd=ROOT, check=False)
+        command = ["make", "--no-print-directory", *target.split()]
+        done = subprocess.run(command, cwd=ROOT, env=own_environment(), check=False)
         if done.returncode < 0 or done.returncode == 130:
             raise KeyboardInterrupt
         if done.returncode:

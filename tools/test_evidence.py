@@ -73,9 +73,11 @@ def test_figures_of_another_card_are_named(two_reports, monkeypatch, capsys):
 
 def test_only_what_is_of_another_card_is_measured_again(two_reports, monkeypatch, capsys):
     monkeypatch.setattr("sys.argv", ["evidence"])
+    monkeypatch.setenv("MAKEFLAGS", " -- ONLY=two")
     ran: list[list[str]] = []
 
-    def run(command: list[str], **how) -> subprocess.CompletedProcess:
+    def run(command: list[str], env: dict[str, str], **how) -> subprocess.CompletedProcess:
+        assert "MAKEFLAGS" not in env, "a variable of this command is none of the others"
         ran.append(command[2:])
         return subprocess.CompletedProcess(command, 2)
 
