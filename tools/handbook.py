@@ -1,9 +1,9 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Writes what programs make in the guides: what masters printed, tables of dialects and boards.
+"""Writes what programs make in the guides: examples, what masters printed, tables of dialects and boards.
 
     python -m tools.handbook            writes the blocks into the pages of docs/guide/handbook
     python -m tools.handbook --check    exits 1 and names every outdated page
-    python -m tools.handbook --site     writes examples and tables of pins, for the site alone, to build/pages
+    python -m tools.handbook --site     writes the tables of pins, for the site alone, to build/pages
 
 A block stands in a page between `<!-- generated: NAME -->` and `<!-- end -->`, and each name of BLOCKS once.
 It also writes the codes of the exceptions. All other tables are written by hand, and tools/test_handbook.py
@@ -30,12 +30,13 @@ HANDBOOK = GUIDES / "handbook"
 NOTE = "<!-- by `make regs`: change the source, not the page -->"
 BLOCKS: dict[str, Callable[[], str]] = {
     "example-list": example_list,
+    "examples": worked_examples,
     **masters.tables(),
     **dialect_tables.BLOCKS,
     **boards.BLOCKS,
 }
 # Of a page of the site, for its line `<!-- built: NAME -->`.
-BUILT = {"examples": worked_examples, "pins": boards.pin_tables}
+BUILT = {"pins": boards.pin_tables}
 
 
 def rows(page: str, head: str, after: str = "# ") -> list[dict[str, str]]:

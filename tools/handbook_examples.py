@@ -17,6 +17,7 @@ from tb.agents import rtu
 from tb.model import fc_telegram
 from tb.model.card import COUNTED, READS, CardModel
 from tb.model.vlt_drive import VltDrive
+from tools.prose import slug
 
 FUNCTIONS = {
     0x01: "read coils",
@@ -359,7 +360,7 @@ def exchange_lines(one: Played) -> list[str]:
 
 
 def example_list() -> str:
-    rows = [[one.title, one.note, one.source] for one in EXAMPLES]
+    rows = [[f"[{one.title}](#{slug(one.title)})", one.note, one.source] for one in EXAMPLES]
     return table(["example", "note", "document"], rows)
 
 
