@@ -141,7 +141,8 @@ class Campaign:
     module: str  # that has CAMPAIGN; a worker imports it
     command: str  # by which the page was made
     unit = "cases"  # what COUNT counts
-    count = 1000
+    count = 1000  # by default; 0: the cases are always the same
+    configs = tuple(configurations())
     keep: tuple[str, ...] = ("",)  # headings of the page whose tables go into docs/evidence.json
 
     def options(self, parser: Parser) -> None:
@@ -181,8 +182,9 @@ class Campaign:
     def parse(self) -> Namespace:
         about = sys.modules[type(self).__module__].__doc__
         parser = Parser(prog=self.name, description=about.splitlines()[0])
-        parser.add_argument("--config", choices=list(configurations()), default="standard")
-        parser.add_argument("--count", type=at_least(1), help=f"{self.unit}; default {self.count}")
+        parser.add_argument("--config", choices=self.configs, default="standard")
+        if self.count:
+            parser.add_argument("--count", type=at_least(1), help=f"{self.unit}; default {self.count}")
         parser.add_argument("--seed", type=at_least(0), help="default: drawn")
         parser.add_argument("--jobs", type=at_least(1), default=2)
         parser.add_argument("--on", metavar="ADDRESS", help="of a Dask scheduler: its workers run the cases")
@@ -195,7 +197,8 @@ class Campaign:
         given = parser.parse_args()
         given.drawn = given.seed is None
         given.seed = random.SystemRandom().randrange(1 << 31) if given.drawn else given.seed
-        given.count = given.count or self.count
+        if self.count:
+            given.count = given.count or self.count
         return given
 
     def main(self) -> int:
@@ -255,7 +258,7 @@ class Campaign:
     def found(self, store: Store) -> list[Namespace]:
         """What the store has of each card as it is now."""
         cards = []
-        for config in configurations():
+        for config in self.configs:
             rows = store.rows(self.name, self.of(config), config)
             if not rows:
                 command = f"make {self.name} CONFIG={config}"

@@ -24,6 +24,9 @@ from campaigns.fuzz.impatient import CAMPAIGN as IMPATIENT
 from campaigns.fuzz.planted import CAMPAIGN as PLANTS
 from campaigns.fuzz.plants import PLANTS as BUGS
 from campaigns.fuzz.run import CAMPAIGN as FUZZ
+from campaigns.line_quality.limits import QUANTITIES
+from campaigns.line_quality.run import CAMPAIGN as LINE_QUALITY
+from campaigns.line_quality.run import PIECES
 from campaigns.soak.run import CAMPAIGN as SOAK
 from campaigns.starts.run import CAMPAIGN as STARTS
 from rtl.sources import ROOT
@@ -199,11 +202,24 @@ FLIPPED |= {
 }
 BLOCK = {"wrong": "", "line": ["9600 bit/s 8E1"], "transactions": 500, "mismatches": 0}
 BLOCK |= {"replies": {"function 03": 400, "exception 2": 100}, "simulated_s": 600.0}
+
+
+def limits(name: str) -> Row:
+    """Of one piece of the line quality; the glitches of one are below LINE-5."""
+    piece, width = PIECES[name], 0.2 if name == "network-115200-8N1-7372800" else 0.3
+    where = {"line": name.split("-")[0], "baud": piece.line.baud, "form": piece.line.form}
+    where |= {"clk_hz": piece.line.clk_hz, "characters": 60, "asked": 100}
+    spans = {quantity.name: sum(quantity.theory(piece.line.form)) / 2 for quantity in QUANTITIES.values()}
+    spans["glitch"] = width
+    return {"limits": [{"quantity": what, "found": found, **where} for what, found in spans.items()]}
+
+
 RESULTS = (
     (FUZZ, {"7/0": FRAMES, "8/0": FRAMES | {"differences": [{"case": "8/0", "what": ["no reply"]}]}}),
     (IMPATIENT, {"9/0": {"wrong": "", "asked": 3, "restless": 1}}),
     (FLIPS, {"9600/1/0/25": FLIPPED}),
     (SOAK, {"card/vlt6000/1/500": BLOCK}),
+    (LINE_QUALITY, {f"7/{name}": limits(name) for name in PIECES} | {"8/part": {"limits": []}}),
     (STARTS, {"power-up/1": {"wrong": ""}, "power-up/2": {"wrong": ""}, "reset/1": {"wrong": "silent"}}),
 )
 
@@ -211,7 +227,7 @@ RESULTS = (
 @pytest.fixture
 def kept(tmp_path, monkeypatch) -> Store:
     """Results of every campaign, of both cards."""
-    for name in ("card", "firmware", "fuzz_judge", "flips_judge", "soak", "starts", "now"):
+    for name in ("card", "firmware", "fuzz_judge", "flips_judge", "judge", "soak", "starts", "now"):
         monkeypatch.setattr(engine.fingerprint, name, lambda *about, name=name: f"{name} {about}")
     store = Store(tmp_path / "store")
     for campaign, found in RESULTS:
@@ -239,6 +255,8 @@ def kept(tmp_path, monkeypatch) -> Store:
         (FUZZ, "| cut-value | MAP-7: a value below -32768 is cut, not refused | 12,345 |"),
         (FUZZ, "| wrong-order | EXC: address before quantity | not found in 12,345 frames |"),
         (FUZZ, "50 flips of both cards: 2 unrequested or altered telegrams and stuck drivers"),
+        (LINE_QUALITY, "324 limits, 32,400 characters; 1 outside the limits of theory"),
+        (LINE_QUALITY, "| width of a glitch | 0.200 | network line, 115200 8N1, 64 clocks a bit | 0.250 |"),
         (SOAK, "| vlt6000 | 1 | 9600: 8E1 | 500 | 0 | 9.17e-03 | 10 min |"),
         (SOAK, "- card, vlt6000: 100 exception 2, 400 function 03."),
         (STARTS, "| standard | power-up | 2 | 1 to 2 | 0 | 9.00e-01 |"),

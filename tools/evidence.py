@@ -42,7 +42,7 @@ REPORTS = {
     ),
     "soak": ("soak COUNT=3000 SEED={seed}", "soak CONFIG=tiny COUNT=500 SEED={seed}", "soak PAGE=yes"),
     "starts": ("starts COUNT=500 SEED={seed}", "starts CONFIG=tiny COUNT=50 SEED={seed}", "starts PAGE=yes"),
-    "line-quality": ("line-quality",),
+    "line-quality": ("line-quality SEED={seed}", "line-quality PAGE=yes"),
     "conformance": ("conformance",),
     "masters": ("masters",),
     "coverage": ("coverage-rtl",),

@@ -1,59 +1,91 @@
 # SPDX-License-Identifier: Apache-2.0
 """Measures line faults that the card tolerates, on its pins, and compares with theory; `make line-quality`.
 
-    python -m campaigns.line_quality.run [--seed N] [--jobs N]    everything; writes
-    build/reports/line-quality.md
-    python -m campaigns.line_quality.run --fast                   the part in `make test`; writes nothing
-    python -m campaigns.line_quality.run --report                 writes the page from the last whole run
+    python -m campaigns.line_quality.run [--seed N]
 
-Exit 1 if a limit is below LINE-5 or away from theory, 2 if something to measure is missing.
+A case is one rate, format and clock. Exit 1: a limit is below LINE-5 or away from theory; 2: something to
+measure is missing. Other options: campaigns/engine.py.
 """
 
 from __future__ import annotations
 
-import json
-import sys
-import time
+from argparse import Namespace
+from collections import defaultdict
 from dataclasses import asdict
-from functools import partial
+from typing import Any
 
 from campaigns.bench import fingerprint
+from campaigns.engine import Campaign, EngineError, Row, Store
 from campaigns.line_quality.limits import ALL_FORMS, QUANTITIES, Quantity
-from campaigns.line_quality.measure import OWN, Limit
-from campaigns.line_quality.work import CARD_HZ, FAST, Piece, whole
-from rtl.command import Parser, in_processes, run_main
-from rtl.report_page import publish
-from rtl.sources import ROOT, SourcesError
+from campaigns.line_quality.measure import Limit
+from campaigns.line_quality.work import CARD_HZ, whole
+from rtl.command import run_main
+from rtl.sources import SourcesError
 from sim.harness.library import BuildError
-from sw.test import host
-from tb.lib.options import at_least
 
-KEPT = ROOT / "build/line_quality/results.json"
-TEMPLATE = ROOT / "campaigns/line_quality/line-quality.md.in"
-DEFAULT_SEED = 1
+# The longest first.
+PIECES = {piece.name: piece for piece in sorted(whole(), key=lambda piece: -piece.cost)}
 
 
-class LineQualityError(Exception):
-    """Error for the user, in one line."""
+class LineQuality(Campaign):
+    name, module = "line-quality", "campaigns.line_quality.run"
+    command = "make line-quality"
+    count = 0
+    configs = ("standard",)
+
+    def cases(self, given: Namespace) -> list[str]:
+        return [f"{given.seed}/{name}" for name in PIECES]
+
+    def run(self, config: str, case: str) -> Row:
+        seed, name = case.split("/")
+        return {"limits": [asdict(one) for one in PIECES[name].run(int(seed))]}
+
+    def wrong(self, row: Row) -> str:
+        return "; ".join(faults([Limit(**one) for one in row["limits"]]))
+
+    def judge(self) -> str:
+        return fingerprint.judge("line_quality")
+
+    def subjects(self) -> list[str]:
+        return ["standard card", "firmware", "line_quality judge"]
+
+    def said(self, rows: dict[str, Row]) -> str:
+        limits = limits_of(rows)
+        lines = sorted({(one.line, one.form) for one in limits})
+        shown = [f"{line} line, {form}\n{table(limits, line, form)}\n" for line, form in lines]
+        return "\n".join([f"{len(limits)} limits, {len(faults(limits))} missed", *shown])
+
+    def context(self, store: Store) -> dict[str, Any]:
+        (card,) = self.found(store)
+        runs: dict[str, dict[str, Row]] = defaultdict(dict)
+        for case, row in card.rows.items():
+            runs[case.split("/")[0]][case] = row
+        seed = next((seed for seed, rows in runs.items() if len(rows) == len(PIECES)), None)
+        if seed is None:
+            raise EngineError(f"no whole run of the card as it is now; run `{self.command}` first")
+        limits = limits_of(runs[seed])
+        return {
+            "seed": seed,
+            "measured_on": card.name,
+            "worst": worst(limits),
+            "tables": {form: table(limits, "network", form) for form in ALL_FORMS},
+            "drive": table(limits, "drive", "8E1"),
+            "faults": len(faults(limits)),
+            "asked": sum(one.asked for one in limits),
+            "limits": len(limits),
+        }
+
+    def about(self, store: Store) -> str:
+        found = self.context(store)
+        characters = f"{found['limits']} limits, {found['asked']:,} characters"
+        return f"{characters}; {found['faults']} outside theory and LINE-5."
 
 
-def _work(piece: Piece, seed: int) -> list[Limit]:
-    return piece.run(seed)
-
-
-def measure(pieces: list[Piece], seed: int, jobs: int) -> list[Limit]:
-    """Runs the pieces, the longest first."""
-    for clock in sorted({piece.line.clk_hz for piece in pieces}):
-        OWN.library(clock)  # once, not in each process
-    limits: list[Limit] = []
-    pieces = sorted(pieces, key=lambda piece: -piece.cost)
-    for done, found in enumerate(in_processes(jobs, partial(_work, seed=seed), pieces), 1):
-        limits += found
-        if sys.stderr.isatty():
-            print(f"\r{done}/{len(pieces)}", end="\r", file=sys.stderr)
+def limits_of(rows: dict[str, Row]) -> list[Limit]:
     order = list(QUANTITIES)
     return sorted(
-        limits, key=lambda one: (one.line, one.form, one.baud, one.clk_hz, order.index(one.quantity))
+        (Limit(**one) for row in rows.values() for one in row["limits"]),
+        key=lambda one: (one.line, one.form, one.baud, one.clk_hz, order.index(one.quantity)),
     )
 
 
@@ -101,72 +133,11 @@ def worst(limits: list[Limit]) -> str:
     return "\n".join(rows)
 
 
-def write(kept: dict) -> None:
-    limits = [Limit(**one) for one in kept["limits"]]
-    tables = [f"### {form}\n\n{table(limits, 'network', form)}" for form in ALL_FORMS]
-    text = TEMPLATE.read_text().format(
-        seed=kept["seed"],
-        measured_on="card `{card}`, firmware `{firmware}` of firmware sources `{sources}`".format_map(kept),
-        worst=worst(limits),
-        tables="\n\n".join(tables),
-        drive=table(limits, "drive", "8E1"),
-        faults=len(faults(limits)),
-        asked=f"{sum(one.asked for one in limits):,}",
-        limits=len(limits),
-    )
-    asked = sum(one.asked for one in limits)
-    said = f"{len(limits)} limits, {asked:,} characters; {len(faults(limits))} outside theory and LINE-5."
-    of = {"standard card": kept["card"], "firmware": kept["sources"]}
-    publish("line-quality", text, "make line-quality", of, said, keep=[""])
-
-
 def faults(limits: list[Limit]) -> list[str]:
     return [fault for one in limits for fault in one.faults]
 
 
-def main(arguments: list[str] | None = None) -> int:
-    options = Parser(prog="line-quality", description=__doc__.splitlines()[0])
-    what = options.add_mutually_exclusive_group()
-    what.add_argument("--fast", action="store_true", help="the part that guards; writes nothing")
-    what.add_argument("--report", action="store_true", help="write the page of the last whole run again")
-    options.add_argument(
-        "--seed", type=at_least(0), default=DEFAULT_SEED, help=f"of what is random ({DEFAULT_SEED})"
-    )
-    options.add_argument("--jobs", type=at_least(1), default=2, help="processes (2)")
-    given = options.parse_args(arguments)
-    try:
-        if given.report:
-            if not KEPT.exists():
-                raise LineQualityError("there was no whole run; run `make line-quality`")
-            kept = json.loads(KEPT.read_text())
-        else:
-            began = time.monotonic()
-            limits = measure(list(FAST if given.fast else whole()), given.seed, given.jobs)
-            print(f"seed {given.seed}, {time.monotonic() - began:.0f} s")
-            kept = {
-                "seed": given.seed,
-                "card": fingerprint.card(),
-                "firmware": fingerprint.firmware(),
-                "sources": host.fingerprint(),
-                "limits": [asdict(one) for one in limits],
-            }
-            if not given.fast:
-                KEPT.parent.mkdir(parents=True, exist_ok=True)
-                KEPT.write_text(json.dumps(kept, indent=1))
-        if not given.fast:
-            write(kept)
-    except (LineQualityError, BuildError, SourcesError) as error:
-        print(f"line-quality: {error}", file=sys.stderr)
-        return 2
-    limits = [Limit(**one) for one in kept["limits"]]
-    for line, form in sorted({(one.line, one.form) for one in limits}):
-        print(f"\n{line} line, {form}\n{table(limits, line, form)}")
-    for fault in faults(limits):
-        print(f"missed: {fault}")
-    missed = len(faults(limits))
-    print(f"\n{missed} missed" if missed else "\nall limits where they have to be")
-    return 1 if missed else 0
-
+CAMPAIGN = LineQuality()
 
 if __name__ == "__main__":
-    run_main("line-quality", main)
+    run_main("line-quality", CAMPAIGN.main, BuildError, EngineError, SourcesError)

@@ -23,16 +23,14 @@ SEED = int(os.environ.get("COCOTB_RANDOM_SEED", "1"))
 LINE = LineFormat(115200, FORM, clk_hz(115200))
 
 
-def names(piece: Piece) -> str:
-    return f"{'drive' if piece.of_drive else 'network'}-{piece.line.baud}-{piece.line.form}"
-
-
 DAILY = replace(FAST[1], quantities=("glitch",))  # 115200 bit/s; rate errors are tested below
 
 
 @pytest.mark.rule("LINE-5")
 @pytest.mark.parametrize(
-    "piece", [DAILY, *(pytest.param(piece, marks=pytest.mark.nightly) for piece in FAST)], ids=names
+    "piece",
+    [DAILY, *(pytest.param(piece, marks=pytest.mark.nightly) for piece in FAST)],
+    ids=lambda piece: piece.name,
 )
 def test_limits_keep_the_promise(piece: Piece):
     print(f"repeat with COCOTB_RANDOM_SEED={SEED}")

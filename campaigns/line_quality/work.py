@@ -41,6 +41,11 @@ class Piece:
     quantities: tuple[str, ...] = tuple(QUANTITIES)
 
     @property
+    def name(self) -> str:
+        where = "drive" if self.of_drive else "network"
+        return f"{where}-{self.line.baud}-{self.line.form}-{self.line.clk_hz}"
+
+    @property
     def cost(self) -> float:
         bits = self.line.clk_hz / (DRIVE_BAUD if self.of_drive else self.line.baud)
         return self.characters * len(self.quantities) * bits
