@@ -30,7 +30,7 @@ FILE = ROOT / "tools/digests.txt"
 COMPILER = "# compiler: "
 # Folders of sw/firmware.mk with the images of an option, or of all at once.
 OPTIONS = {name.rpartition("/")[2] for name in IMAGES}
-HEAD = "# SPDX-License-Identifier: Apache-2.0\n# SHA-256, by `make digests`; what it says: tools/digests.py\n"
+HEAD = "# SHA-256, by `make digests`; what it says: tools/digests.py\n"
 
 
 def both_kinds() -> list[Board]:
