@@ -155,8 +155,8 @@ def time_outs(results: dict) -> str:
 
 
 def layout(value: object, depth: int = 5) -> str:
-    """JSON with a line a request, so that another run changes few lines."""
-    if depth == 0 or not isinstance(value, dict):
+    """JSON with a line for each dialect of a master, and one for all that it does by itself."""
+    if depth == 0 or not isinstance(value, dict) or not any(isinstance(one, dict) for one in value.values()):
         return json.dumps(value, ensure_ascii=False)
     entries = [f"{json.dumps(key)}: {layout(entry, depth - 1)}" for key, entry in value.items()]
     return "{\n" + ",\n".join(entries) + "\n}"

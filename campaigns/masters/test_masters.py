@@ -93,4 +93,4 @@ def test_a_wrong_answer_of_any_case_is_found(dialect, case):
 def test_an_example_program_ends_in_a_stopped_drive(master, monkeypatch):
     """Of two masters that the tests have. `make masters` runs the program of each."""
     monkeypatch.setattr(examples, "PYTHON", sys.executable)
-    assert examples.run(BY_ID[master]).endswith("\nstopped\n")
+    assert examples.run(BY_ID[master], patient=True).endswith("\nstopped\n")
