@@ -37,7 +37,7 @@ REPORTS = {
         "impatient CONFIG=tiny COUNT=100 SEED={seed}",
         "fuzz-plants SEED={seed}",
         "flips COUNT=2000 SEED={seed}",
-        "flips CONFIG=tiny COUNT=500 SEED={seed}",
+        "flips CONFIG=tiny COUNT=2000 SEED={seed}",
         "fuzz PAGE=yes",
     ),
     "soak": ("soak COUNT=3000 SEED={seed}", "soak CONFIG=tiny COUNT=500 SEED={seed}", "soak PAGE=yes"),
