@@ -278,18 +278,12 @@ def resources() -> tuple[str, str]:
     return as_html(["board", "part", *wanted], rows), html.escape(note)
 
 
-def rivals() -> dict[int, str]:
-    """The other designs of the report by their column: owner, repository, format."""
-    header = table("results", "Conformance").header
-    return {n: name for n, name in enumerate(header) if "/" in name and "rtu2fc" not in name}
-
-
 def conformance() -> str:
     found = table("results", "Conformance")
-    kept = [0, found.column("**rtu2fc 8E1**"), *rivals(), found.column("as the specification")]
-    header = [re.sub(r"/\w+", "", found.header[n], count=1) for n in kept]
-    header[-1] = "specification"
-    return as_html(["", *header[1:]], ([found.row(begin)[n] for n in kept] for begin in RULES), own=1)
+    kept = [0, found.column("**rtu2fc 8E1**"), found.column("as the specification")]
+    return as_html(
+        ["", "rtu2fc 8E1", "specification"], ([found.row(begin)[n] for n in kept] for begin in RULES), own=1
+    )
 
 
 def suite() -> str:
@@ -415,7 +409,6 @@ def page() -> str:
         "line": as_html(["limit", "least found", "promise"], [[row[0], row[1], row[3]] for row in line.rows]),
         "line_steps": f"{QUANTITIES['glitch'].resolution:g}",
         "line_card": marked(f"`{of('line-quality', 'standard card')}`"),
-        "rivals": ", ".join(html.escape(name.split(" ")[0]) for name in rivals().values()),
         "resources": resource_table,
         "design": design,
         "conformance": conformance(),

@@ -10,8 +10,6 @@ from matplotlib.pyplot import subplots
 
 from campaigns.bench.report import (
     LOCAL,
-    RIVAL_ROWS,
-    RIVALS,
     SHOWN_BAUD,
     CardResults,
     Results,
@@ -26,6 +24,9 @@ from campaigns.plots import save, use_style
 WIRE, SILENCE = "#7f9bb3", "#d5dbe1"
 DRIVE_WIRE, DELAY, DRIVE_REPLY = "#8fb08a", "#ece5cf", "#b9cfae"
 OURS, CARD = "#c62828", "#2e7d32"
+# Bits from the request's end to the reply of other open Modbus RTU slaves in an FPGA: Verilated at 12 MHz, at
+# SHOWN_BAUD. Measured once and recorded here; their code is not part of this project.
+OTHERS = {"yxgi5": 10.0, "Shroubovak": 68.7, "imihajlow": 0.5, "vasilydenisenko": 41.7}
 
 
 def draw(results: Results) -> None:
@@ -38,9 +39,7 @@ def _latency(results: CardResults):
     """From the request's end to the reply's first bit: this card and other slaves. Readable on a phone."""
     legal = Line.of(SHOWN_BAUD, FORM).t35_bits
     found = samples(results, "turnaround", case=LOCAL[0], baud=SHOWN_BAUD, form=FORM)
-    bars = {"rtu2fc": legal + statistics.median(values(found, "local"))}
-    for name, latency in zip(RIVALS, RIVAL_ROWS["latency"], strict=True):
-        bars[name.split("/")[0]] = float(latency.strip("*"))
+    bars = {"rtu2fc": legal + statistics.median(values(found, "local"))} | OTHERS
     figure, panel = subplots(figsize=(4.6, 4.0))
     for at, (name, bits) in enumerate(reversed(bars.items())):
         colour = CARD if name == "rtu2fc" else WIRE

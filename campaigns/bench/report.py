@@ -44,31 +44,6 @@ SHOWN_BAUD = 19200
 OF_CASES = ("turnaround", "sizes", "phases")
 JUDGED = (*OF_CASES, "random", "drive_faults", "gate", "overtaken", "conformance")
 
-# Other open Modbus RTU slaves in an FPGA under the same rows: Verilated at 12 MHz, 19200 bit/s. Measured once
-# and recorded here; their code is not part of this project.
-RIVALS = (
-    "yxgi5/modbus_rtu_slave 8N1",
-    "Shroubovak/FPGA_Modbus_RTU 8N1",
-    "imihajlow/etester 8N1 / 8E1",
-    "vasilydenisenko/modbus_rtu_slave 8E1",
-)
-RIVAL_ROWS = {
-    "inside": ("14.8", "**49.5**", "**32.7**", "**7.0**"),
-    "foreign": ("34.9", "**0.1**", "32.7", "41.0"),
-    "own": ("-", "-", "-", "-"),
-    "latency": ("**10.0**", "68.7", "**0.5**", "41.7"),
-    "de": ("10.0 / 10.0", "19.2 / 0.02", "none", "0.16 / 0.00"),
-    "rate": ("6.5 / **0.8** %", "6.4 / 4.8 %", "5.0 / 5.0 (E: 4.6 / 4.5) %", "5.0 / 4.5 %"),
-    "damage": ("n.a. / **answered**", "n.a. / **answered**", "silent / **answered**", "silent / silent"),
-    "crc": ("silent", "silent", "silent", "silent"),
-    "function": ("exc 1", "exc 1", "**silent**", "not its own"),
-    "arguments": ("2 / **silent** / 3", "**answered** / 3 / 3", "**reply without address**", "not its own"),
-    "noise": ("answered", "**lost**", "answered", "answered"),
-    "truncated": ("answered", "**lost**", "answered", "answered"),
-    "glitch": ("answered", "answered", "answered", "**lost**"),
-    "break": ("answered", "answered", "answered", "answered"),
-}
-
 
 @dataclass
 class Image:
@@ -392,8 +367,8 @@ def measured_on(fingerprint: dict[str, str]) -> str:
     return ", ".join(f"{name} `{digits}`" for name, digits in fingerprint.items())
 
 
-def conformance(results: CardResults, rivals: bool) -> str:
-    """The rows at SHOWN_BAUD, with the other designs or alone, and those elsewhere."""
+def conformance(results: CardResults) -> str:
+    """The rows at SHOWN_BAUD and those elsewhere."""
     ours = [(piece, outcome) for piece, outcome in results.outcomes.values() if piece.kind == "conformance"]
     ours.sort(key=lambda item: (item[0].baud != SHOWN_BAUD, item[0].baud, item[0].form))
     at_rate = [(piece, outcome) for piece, outcome in ours if piece.baud == SHOWN_BAUD]
@@ -401,14 +376,12 @@ def conformance(results: CardResults, rivals: bool) -> str:
     header = " | ".join(
         [f"at {SHOWN_BAUD}"]
         + [f"**rtu2fc {piece.form}**" for piece, _ in at_rate]
-        + list(RIVALS if rivals else ())
         + ["as the specification has it"]
     )
     rows = [
         [
             text,
             *(outcome.rows[key] for _, outcome in at_rate),
-            *(RIVAL_ROWS[key] if rivals else ()),
             SPECIFICATION[key],
         ]
         for key, text in ROWS.items()
@@ -465,7 +438,7 @@ def document(results: Results) -> str:
                 ("requests", len(samples(card, "random"))),
                 ("outcomes", outcomes(card)),
                 ("drive", drive_table(card)),
-                ("conformance", conformance(card, rivals=config == "standard")),
+                ("conformance", conformance(card)),
                 ("firmware", firmware(card)),
                 ("budget", budget(card)),
                 ("image", image(card)),
