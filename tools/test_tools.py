@@ -16,7 +16,7 @@ import pytest
 from rtl.sources import configurations, macros_file
 from tb.lib.runner import ROOT
 from tb.lib.seeds import seeded
-from tools.lint import circle, half_campaigns, half_rules
+from tools.lint import half_campaigns, half_rules
 
 TOP = "rtu2fc"
 TIMEOUT_S = 300  # for one command
@@ -281,11 +281,6 @@ def test_commands_in_files_for_others_exist():
     named = set(re.findall(r"(?<![\w/])(?:tools|docs|\.ci)/[\w./-]*\w", text))
     assert {".ci/run", "tools/setup.sh"} <= named
     assert [name for name in named if not (ROOT / name).is_file()] == []
-
-
-def test_a_circle_of_imports_is_named():
-    assert circle({"a": {"b", "c"}, "b": {"c"}, "c": set()}) == []
-    assert circle({"a": {"b"}, "b": {"c"}, "c": {"b"}}) == ["imports in a circle: b <- c <- b"]
 
 
 def test_what_a_campaign_lacks_is_named(tmp_path):

@@ -3,7 +3,6 @@
 
 from __future__ import annotations
 
-import json
 import os
 import re
 import select
@@ -346,87 +345,6 @@ def test_the_drive_trips_on_demand(tmp_path):
     assert readings[-1][1] == 0
 
 
-@pytest.mark.rule("SAFE-7")
-@pytest.mark.parametrize("option", first([("--master-loss-stop",), ()]))
-def test_only_with_the_option_a_stop_leaves_when_the_master_is_lost(tmp_path, option):
-    """The master of a motor falls silent for 1.5 s or longer, with 40002 = 20 (200 ms)."""
-    log = tmp_path / "log"
-    with RunningCard(tmp_path, "--log", str(log), *option) as card:
-        client = pymodbus_client(card)
-        assert not client.write_register(1, 20, device_id=1).isError()
-        assert not client.write_coils(0, coils(0x047C, 0x1999), device_id=1).isError()
-        wanted = coils(0x043C if option else 0x047C, 0)[:16]
-        for silence_s in (1.5, 5, 15):  # on a busy machine the card's time passes more slowly
-            time.sleep(silence_s)
-            control = client.read_coils(0, count=16, device_id=1).bits
-            if control == wanted:
-                break
-        client.close()
-        assert card.stop() == 0
-    assert control == wanted
-    frames = [json.loads(line) for line in log.read_text().splitlines()]
-    stops = [
-        frame for frame in frames if frame.get("bytes", "").replace(" ", "").lower() == "020681043c19993d"
-    ]
-    assert len(stops) == len(option)
-
-
-@pytest.mark.rule("MAP-10")
-def test_pymodbus_reads_every_diagnosis(tmp_path):
-    """Its own requests, as any master sends them."""
-    version = VERSION
-    with RunningCard(tmp_path, "--speed", "max", "--dialect", STANDARD) as card:
-        client = pymodbus_client(card)
-        assert client.diag_query_data(b"\x12\x34", device_id=1).message in (b"\x12\x34", [0x1234], 0x1234)
-        assert not client.diag_clear_counters(device_id=1).isError()
-        assert not client.read_coils(0, count=16, device_id=1).isError()
-        assert client.read_input_registers(0, count=1, device_id=1).exception_code == 1
-        assert client.diag_read_bus_message_count(device_id=1).message == 3
-        assert client.diag_read_device_message_count(device_id=1).message == 4
-        assert client.diag_read_bus_comm_error_count(device_id=1).message == 0
-        assert client.diag_read_bus_exception_error_count(device_id=1).message == 1
-        assert client.diag_read_diagnostic_register(device_id=1).message == 0
-        assert client.diag_get_comm_event_counter(device_id=1).count == 6
-        identity = client.report_device_id(device_id=1)
-        assert identity.identifier == f"rtu2fc {version}".encode() and identity.status
-        information = client.read_device_information(device_id=1)
-        assert information.information == {0: b"rtu2fc", 1: b"card", 2: version.encode()}
-        assert information.more_follows == 0 and information.conformity == 0x81
-        one = client.read_device_information(read_code=4, object_id=2, device_id=1)
-        assert one.information == {2: version.encode()}
-        assert client.read_device_information(read_code=4, object_id=3, device_id=1).exception_code == 2
-        assert not client.diag_restart_communication(True, device_id=1).isError()
-        assert client.diag_read_device_message_count(device_id=1).message == 1
-        client.close()
-
-
-@pytest.mark.nightly
-@pytest.mark.rule("FC-6", "MAP-1", "MAP-3")
-def test_motor_started_by_coils_ramps(tmp_path):
-    """Start to 40 % and ramp stop; with ramps of 60 s, 40 % takes some seconds."""
-    with RunningCard(tmp_path, "--speed", "max") as card:
-        client = pymodbus_client(card)
-        assert read_drive(client) == (0x0607, 0, 0), "stopped, ready, without current"
-        assert not client.write_coils(0, coils(0x047C, 0x1999), device_id=1).isError()
-        up = [read_drive(client)]
-        while up[-1][1] < 0x1999 and len(up) < 5000:
-            up.append(read_drive(client))
-        assert not client.write_coils(0, coils(0x043C, 0), device_id=1).isError()
-        down = [read_drive(client)]
-        while down[-1][1] > 0 and len(down) < 5000:
-            down.append(read_drive(client))
-        client.close()
-    for readings, falling in ((up, False), (down, True)):
-        frequencies = [frequency for _, frequency, _ in readings]
-        assert frequencies == sorted(frequencies, reverse=falling)
-        assert len(set(frequencies)) > 10, "it ramps"
-        assert all(status & 0x0800 for status, frequency, _ in readings if frequency), "running"
-    assert up[0][0] == 0x0E03, "running, not at its reference"
-    assert up[-1][:2] == (0x0F03, 0x1999), "at its reference"
-    assert up[-1][2] > up[0][2], "more speed, more current"
-    assert down[-1] == (0x0607, 0, 0)
-
-
 CURRENT = {"vlt5000": 520, "vlt2800": 520, "vlt8000": 514}
 
 
@@ -440,24 +358,6 @@ def test_profile_selects_the_drive(tmp_path, profile):
         assert card.stop() == 0
         (drives,) = of(card.frames(), "drive", "drive")
     assert drives.what.startswith(f"parameter {pnu} (Readout: Motor current) = 0 (0.00 A)")
-
-
-def mbpoll(link: Path, *options: str) -> dict[int, int]:
-    """Parses mbpoll's output: reference -> value."""
-    command = ["mbpoll", "-m", "rtu", "-a", "1", "-b", "9600", "-P", "none", *options, "-1", str(link)]
-    run = subprocess.run(command, capture_output=True, text=True, timeout=30, check=False)
-    assert run.returncode == 0, run.stdout + run.stderr
-    return {int(n): int(value) for n, value in re.findall(r"^\[(\d+)\]:\s+(\d+)", run.stdout, re.MULTILINE)}
-
-
-def test_mbpoll_shows_the_motor_current_and_the_control_image(tmp_path):
-    with RunningCard(tmp_path, "--drive", "example") as card:
-        assert mbpoll(card.link, "-t", "4", "-r", "5140", "-c", "2") == {5140: 0, 5141: 300}
-        with RawPort(card.link) as master:
-            master.example("ex1-start-40")
-        coils = mbpoll(card.link, "-t", "0", "-r", "1", "-c", "32")
-    control_and_reference = sum(coils[n + 1] << n for n in range(32))
-    assert control_and_reference == 0x1999_047C
 
 
 @pytest.mark.rule("LINE-7")
