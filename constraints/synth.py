@@ -2,13 +2,11 @@
 """Turns a board into a bitstream: synthesis, place and route, timing, packing; one line of figures a board.
 
     python -m constraints.synth [BOARD...]     default: all of them, and build/reports/synthesis.md
-    python -m constraints.synth --check
 
 All files go to build/synth/BOARD. The finished design holds a random pattern in place of the firmware;
 constraints/image.py inserts an image without another place and route. Exit 1 if a board does not fit its part
-or is slower than MARGIN times its clock, if the front end has more cells than TARGETS, if fewer than
-ENOUGH_SEEDS seeds place the fullest board in time, or with `--check` if build/reports/synthesis.md describes
-another design; 2 for an unknown board.
+or is slower than MARGIN times its clock, if the front end has more cells than TARGETS, or if fewer than
+ENOUGH_SEEDS seeds place the fullest board in time; 2 for an unknown board.
 """
 
 from __future__ import annotations
@@ -24,7 +22,7 @@ from pathlib import Path
 from constraints import flow, image, parts
 from constraints.boards import Board, board, boards, problems
 from rtl.command import Parser, run_main
-from rtl.report_page import evidence, publish
+from rtl.report_page import publish
 from rtl.sources import ROOT, SourcesError, card_files, configurations
 
 RESULTS = flow.BUILD / "results.json"
@@ -170,13 +168,6 @@ def measured_from() -> str:
     return content.hexdigest()[:16]
 
 
-def stale() -> list[str]:
-    """Message if the table is out of date."""
-    if evidence().get("synthesis", {}).get("of") == {"design": measured_from()}:
-        return []
-    return ["docs/evidence.json has the figures of another design; run `make synth`"]
-
-
 def board_row(name: str, row: dict) -> str:
     cells = f"{row['cells']} of {row['cells_of']} | {100 * row['cells'] / row['cells_of']:.0f} %"
     ratio = row["fmax_mhz"] / row["clk_mhz"]
@@ -207,11 +198,7 @@ def write_docs(results: dict) -> None:
 def main() -> int:
     parser = Parser(prog="synth", description=__doc__.splitlines()[0])
     parser.add_argument("boards", nargs="*", metavar="BOARD")
-    parser.add_argument("--check", action="store_true", help="whether the table is of this design")
     args = parser.parse_args()
-    if args.check:
-        print("\n".join(stale()), end="\n" if stale() else "", file=sys.stderr)
-        return 1 if stale() else 0
     try:
         chosen = [board(name) for name in args.boards] or list(boards().values())
     except SourcesError as error:

@@ -22,8 +22,7 @@ from constraints.boards import board, boards, ports
 from constraints.flow import SynthError, frozen, mapping, sandboxed, tool, unsafe, without_loose_inputs
 from constraints.netlist import FLIP_FLOPS, MAPPED, clocks, crossings, loose_inputs
 from constraints.parts import COUNTED_ON, FLOWS, TARGETS, over_target
-from constraints.synth import measured_from, route, stale
-from rtl import report_page
+from constraints.synth import measured_from, route
 from rtl.sources import card_files, needed_files, rtl_files
 from tb.gates import netlists as gates
 from tb.gates.netlists import GATES_HZ, netlist
@@ -497,43 +496,3 @@ def test_make_synth_fails_with_a_front_end_too_big_or_too_few_seeds(monkeypatch,
     assert measured_from() in written
     fit = f"`{fullest.name}`: {enough + 1} of {last + 1} seeds fit, {enough} of them in time"
     assert f"{fit}; Fmax from {seeds[last + 1]} to 60.0 MHz." in written
-
-
-# ---------------------------------------------------------------- are the figures of this design?
-
-
-@pytest.fixture
-def own_copy(tmp_path, monkeypatch):
-    """Copies a file of the design, to be changed."""
-
-    def copy(path: Path, old: str, new: str) -> None:
-        text = path.read_text()
-        assert old in text
-        changed = tmp_path / path.name
-        changed.write_text(text.replace(old, new, 1))
-        listed = synth.measured_files
-        monkeypatch.setattr(
-            synth, "measured_files", lambda: [changed if each == path else each for each in listed()]
-        )
-
-    return copy
-
-
-@pytest.mark.parametrize("what", ["rtl", "row"])
-def test_changed_design_makes_the_table_outdated(own_copy, written, monkeypatch, what):
-    report_page.record("synthesis", "", "", {"design": measured_from()}, "", {})
-    assert stale() == []
-    if what == "rtl":
-        own_copy(ROOT / "rtl/uart.v", "posedge", "negedge")
-    else:
-        changed = boards() | {"card-xo2-1200": replace(board("card-xo2-1200"), cells=1281)}
-        monkeypatch.setattr(synth, "boards", lambda: changed)
-    (said,) = stale()
-    assert said.endswith("of another design; run `make synth`")
-
-
-def test_changed_comment_keeps_the_table_valid(own_copy):
-    before = measured_from()
-    own_copy(ROOT / "rtl/uart.v", "// SPDX", "// Another remark.\n// SPDX")
-    own_copy(ROOT / "constraints/ulx3s-25.lpf", "# SPDX", "# Another remark.\n# SPDX")
-    assert measured_from() == before
