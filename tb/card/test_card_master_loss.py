@@ -127,15 +127,6 @@ def test_one_stop_leaves_after_the_time_and_the_image_shows_it(unit: int):
         assert master.heard() == [STOP], "again after the next start"
 
 
-def test_the_stop_is_repeated_once_when_the_drive_is_silent():
-    with Master() as master:
-        master.started()
-        master.drive.silent = True
-        master.card.run(700)
-        assert master.heard() == [STOP, STOP]
-        assert master.card.led("drive") in ("red", "off")
-
-
 @pytest.mark.parametrize("passed_ms", first([500, 12_000]))
 def test_without_a_time_there_is_no_stop(passed_ms: float):
     """In the longer case longer than the default time."""
@@ -169,15 +160,6 @@ def test_without_a_start_there_is_none(control: int | None):
         assert master.heard() == []
 
 
-def test_a_written_stop_ends_the_watch():
-    with Master() as master:
-        master.started()
-        master.write(0x0434)
-        master.card.run(400)
-        assert master.heard() == [telegram(0x0434)], "the master's own"
-        assert master.image() == 0x0434
-
-
 READING = bytes.fromhex("03 0000 0001")
 
 
@@ -191,32 +173,6 @@ def test_good_frames_for_this_card_or_all_keep_the_drive_running(unit: int, keep
         assert master.heard() == ([] if keeps else [STOP])
         if keeps:
             assert 10 * TENS <= master.stop_ms(commit) <= 10 * TENS + LATE_MS
-
-
-def test_damaged_frames_do_not_keep_it_running():
-    with Master() as master:
-        master.started()
-        bad = bytearray(rtu.build(1, READING))
-        bad[-1] ^= 1
-        for _ in range(6):
-            master.send(bytes(bad))
-            master.card.run(3 * TENS)
-        assert master.heard() == [STOP]
-
-
-def test_a_running_exchange_with_a_dead_drive_holds_it_up_150_ms_at_most():
-    with Master() as master:
-        master.ask(bytes.fromhex("06 0002 03E8"))  # 40003 = 1000: 10 s
-        master.started()
-        master.drive.silent = True
-        commit = master.send(rtu.build(1, bytes.fromhex("03 1413 0002")))
-        master.card.run(20)
-        sent = master.card.drive.frames()[-1].end_ps
-        assert len(master.heard()) == 1
-        master.stop_ms(commit)
-        assert master.card.now_ps - sent <= 155 * MS
-        master.card.run(50)
-        assert master.heard() == [STOP]
 
 
 @pytest.mark.parametrize(("option", "image"), [(False, "stop"), (True, ""), (False, "")])

@@ -306,20 +306,6 @@ def test_power_up_show_lights_one_led_after_the_other_and_delays_nothing(config)
         assert near((modbus[3].since_ps - drive[0].since_ps) / MS, 7 * STEP_MS)
 
 
-@pytest.mark.nightly
-@pytest.mark.rule("LED-2", "LED-3", "LED-4")
-def test_both_leds_flash_once_a_second_after_the_power_up_show(config):
-    with FastCard(config=config) as card:
-        card.run(7000)
-        for led in ("drive", "modbus"):
-            steps = steps_ms([s for s in card.shown[led] if s.since_ps > 2005 * MS])
-            assert len(steps) == 9
-            # Both are red before the first frame and the first exchange.
-            assert [colour for colour, _ in steps] == ["red", "off"] * 4 + ["red"]
-            assert all(near(ms, 500) for _, ms in steps), steps
-        assert not card.modbus.de and not card.drive.de
-
-
 def set_register(card: FastCard, register: int, value: int) -> None:
     pdu = rtu.write_register(register, value)
     assert card.request(rtu.build(1, pdu)).data == rtu.build(1, pdu)

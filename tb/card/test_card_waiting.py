@@ -1,8 +1,7 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Committed writes that wait for a running exchange, and a drive that is dead, at the pins (FRAME-7, FC-9).
+"""Committed writes that wait for a running exchange or a busy line, at the pins (FRAME-7, FC-9).
 
-The tests state the rule from the two lines alone. A write that the card has committed reaches the drive line,
-whatever came after it, and no dead drive holds it up for longer than 150 ms and the pause.
+The poll loop is tested alone in each order of requests (tb/firmware/test_firmware_gateway.py).
 """
 
 from __future__ import annotations
@@ -11,25 +10,15 @@ import pytest
 
 from sw.tools.stack import symbols
 from tb.agents import rtu
-from tb.agents.fc_slave import Script
 from tb.lib.card import MS
 from tb.lib.config import own_hz
 from tb.lib.fast_card import FastCard
 from tb.lib.nightly import first
 from tb.model.fc_telegram import bcc
 
-# Readings for the drive and for the card, and writes of the card's own registers.
 READ = rtu.build(1, rtu.read_registers(5139, 2))
-LOCAL = rtu.build(1, rtu.read_registers(0, 1))
-REPLY_LOCAL = rtu.build(1, bytes.fromhex("03 02 0000"))
-NETWORK_TIMEOUT = rtu.build(1, bytes.fromhex("06 0001 03E8"))
-DRIVE_TIMEOUT_10_S = rtu.build(1, bytes.fromhex("06 0002 03E8"))
-READ_TEXT = rtu.build(1, rtu.read_registers(5329, 10))
-WRITES = 2
 ASKED, BROADCAST = 0x81, 0x80
 GIVE_UP_MS = 150
-# Longest telegram of these, 14 or 16 characters of 11 bits, and the pause of 2 characters.
-TELEGRAM_MS, PAUSE_MS = 18.4, 2.5
 # The ticks of the firmware's clock, its rounds, and the t3.5 of the network line.
 MARGIN_MS = 4.0
 
@@ -58,36 +47,6 @@ def finish(card: FastCard, requests: list[bytes]) -> int:
     return [card.modbus.send(request, gap) for request in requests][-1]
 
 
-AFTER = {"a local reading": LOCAL, "a reading": READ, "a local write": NETWORK_TIMEOUT}
-
-
-@pytest.mark.rule("FRAME-7", "MAP-9")
-@pytest.mark.parametrize("after", first(list(AFTER)))
-def test_no_broadcast_is_lost_after_an_exchange(config: str, after: str):
-    """The drive is silent, so that each broadcast and the request after it fall into the exchange."""
-    with FastCard(baud=19_200, config=config, drive=Script(), clk_hz=clock(config)) as card:
-        card.run(card.boot_ms)
-        for number in range(WRITES):
-            control = 0x0400 | number
-            end = finish(card, [READ, coils(control, 0), AFTER[after]])
-            card.run_until(end + 600 * MS)
-            assert process(control, BROADCAST) in [data[:5] for data in sent(card)], (
-                f"broadcast {number} was lost"
-            )
-
-
-@pytest.mark.rule("FRAME-7", "TOP-2")
-@pytest.mark.parametrize("after", first(list(AFTER)))
-def test_no_unicast_write_is_lost_after_an_exchange(after: str):
-    with FastCard(baud=19_200, drive=Script()) as card:
-        card.run(card.boot_ms)
-        for number in range(WRITES):
-            control = 0x0400 | number
-            end = finish(card, [READ, coils(control, 1), AFTER[after]])
-            card.run_until(end + 600 * MS)
-            assert process(control, ASKED) in [data[:5] for data in sent(card)], f"write {number} was lost"
-
-
 def parameter(value: int, unit: int) -> bytes:
     return rtu.build(unit, rtu.write_register(2049, value))
 
@@ -96,43 +55,6 @@ def parameter_writes(telegrams: list[bytes]) -> list[tuple[int, int]]:
     """Address and value of each, without repeats."""
     writes = [data for data in telegrams if data[1] == 14 and data[3] >> 4 == 2]
     return list(dict.fromkeys((data[2], int.from_bytes(data[9:11], "big")) for data in writes))
-
-
-@pytest.mark.rule("FRAME-7", "SAFE-8")
-@pytest.mark.parametrize("units", [(0, 1), (1, 0)])
-def test_one_telegram_tells_the_image_of_both_kinds_of_writes(units: tuple[int, int]):
-    """One of them was for the card alone, so the drive is asked, and confirms it."""
-    with FastCard(baud=19_200) as card:
-        card.run(card.boot_ms)
-        end = finish(card, [READ, coils(0x0401, units[0]), coils(0x0402, units[1]), LOCAL])
-        card.run_until(end + 800 * MS)
-        assert {data[:5] for data in sent(card) if data[1] == 6} == {process(0x0402, ASKED)}
-        replies = [frame.data for frame in card.modbus.frames()]
-        assert replies == [REPLY_LOCAL], "the newest request is answered"
-
-
-@pytest.mark.rule("FRAME-7")
-@pytest.mark.parametrize("config", first(["standard", "tiny"]))
-@pytest.mark.parametrize("units", [(0, 1), (1, 0)])
-def test_parameter_writes_of_both_kinds_wait_and_leave_in_the_order_of_commit(
-    config: str, units: tuple[int, int]
-):
-    with FastCard(baud=19_200, config=config, clk_hz=clock(config)) as card:
-        card.run(card.boot_ms)
-        end = finish(card, [READ, parameter(7, units[0]), parameter(8, units[1]), LOCAL])
-        card.run_until(end + 800 * MS)
-        adrs = [BROADCAST if unit == 0 else ASKED for unit in units]
-        assert parameter_writes(sent(card)) == [(adrs[0], 7), (adrs[1], 8)]
-
-
-@pytest.mark.rule("FRAME-7")
-def test_the_image_leaves_before_an_older_parameter_write():
-    with FastCard(baud=19_200) as card:
-        card.run(card.boot_ms)
-        end = finish(card, [READ, parameter(7, 1), coils(0x043C, 1), LOCAL])
-        card.run_until(end + 800 * MS)
-        kinds = list(dict.fromkeys((data[1], data[3] >> 4) for data in sent(card)))
-        assert kinds == [(14, 1), (6, 0), (14, 2)], kinds
 
 
 @pytest.mark.rule("FRAME-7")
@@ -146,46 +68,6 @@ def test_a_newer_write_of_its_kind_takes_the_place(unit: int):
         adr = BROADCAST if unit == 0 else ASKED
         assert {data[:5] for data in sent(card) if data[1] == 6} == {process(0x043C, adr)}
         assert parameter_writes(sent(card)) == [(adr, 8)]
-
-
-BEFORE = {"a reading": [READ], "a text": [READ_TEXT], "a write": [coils(0x047C, 1)]}
-CASES = [
-    *(("a reading", 0), ("a text", 1), ("a write", 0), ("a broadcast", 1)),
-    *(("a reading", 1), ("a text", 0), ("a write", 1), ("a broadcast", 0)),
-    *(("a repeat", 0), ("a repeat", 1)),
-]
-
-
-@pytest.mark.rule("FC-9", "FRAME-7")
-@pytest.mark.parametrize("case", first(CASES, 4), ids=lambda case: "{}-{}".format(*case))
-def test_a_dead_drive_does_not_hold_up_a_stop(case: tuple[str, int]):
-    """40003 is 10 s, the drive is silent, a reading waits, the master sends a stop."""
-    check_stop("standard", *case)
-
-
-@pytest.mark.nightly
-@pytest.mark.rule("FC-9", "FRAME-7", "TOP-2")
-@pytest.mark.parametrize("unit", [1, 0])
-def test_a_dead_drive_does_not_hold_up_a_stop_of_the_small_card(unit: int):
-    check_stop("tiny", "a reading", unit)
-
-
-def check_stop(config: str, before: str, unit: int) -> None:
-    with FastCard(baud=19_200, config=config, clk_hz=clock(config)) as card:
-        card.run(card.boot_ms)
-        assert card.request(DRIVE_TIMEOUT_10_S)
-        if before == "a text":
-            assert card.request(rtu.build(1, bytes.fromhex("06 0000 0400")))
-        finish(card, [coils(0x047C, 0), READ] if before == "a broadcast" else BEFORE.get(before, [READ]))
-        if before == "a repeat":
-            card.run(10_100)
-        count = len(sent(card))
-        end = finish(card, [READ, coils(0x043C, unit)])
-        # A telegram may begin with the first request or be on the line when the stop comes.
-        card.run_until(end + (GIVE_UP_MS + TELEGRAM_MS + 2 * PAUSE_MS + 2 * MARGIN_MS + TELEGRAM_MS) * MS)
-        stop = process(0x043C, BROADCAST if unit == 0 else ASKED)
-        late = [data[:5] for data in sent(card)[count:]]
-        assert stop in late, f"no stop: {late}"
 
 
 WRITE, BROADCAST_WRITE, STOP = parameter(7, 1), parameter(7, 0), coils(0x043C, 1)
