@@ -54,8 +54,19 @@ OF_CARD, OF_MODULE = ["--sim=verilator"], ["--sim=icarus", *IN_CI]
 # Modules that the bench of another one plays.
 BENCH_IN = dict.fromkeys(("ram_bank", "ram_lane", "word_parity"), "firmware_ram")
 BENCH_IN |= {"crc16_modbus": "rtu_rx", "sparse_state": "rtu_rx"}
-BENCH_IN |= {"rtu_tx": "network_port", "guarded_half": "guarded_bit"}
-GATE = ("licences", "reply_slot", "request_state", "telegram_slot")
+BENCH_IN |= {"rtu_tx": "network_port", "rs485_dir": "network_port", "mailbox_regs": "mailbox"}
+BENCH_IN |= {"bus_arbiter": "mailbox", "fc_rx": "drive_port", "fc_tx": "drive_port"}
+BENCH_IN |= {"silence_timer": "drive_port", "supervisor": "card_supervision"}
+BENCH_IN |= {"bcc": "drive_port", "driver_limit": "card_driver_time"}
+GATE = (
+    "guarded_bit",
+    "guarded_half",
+    "licences",
+    "master_loss",
+    "reply_slot",
+    "request_state",
+    "telegram_slot",
+)
 BENCH_IN |= dict.fromkeys(GATE, "commit_gate")
 # The whole card is tested by subject.
 MORE_BENCHES = {
@@ -509,8 +520,9 @@ def report() -> int:
 
 def bench_arguments(module: str) -> list[str]:
     """Files of a module's tests and options, for pytest."""
-    files = (BENCH_IN.get(module, module), *MORE_BENCHES.get(module, ()))
-    return [*(str(bench_file(name)) for name in files), *(OF_CARD if module == TOP else OF_MODULE)]
+    names = (BENCH_IN.get(module, module), *MORE_BENCHES.get(module, ()))
+    files = [str(bench_file(name)) for name in names]
+    return [*files, *(OF_CARD if files[0].startswith("tb/card/") else OF_MODULE)]
 
 
 def benches() -> list[str]:

@@ -81,17 +81,17 @@ def test_only_an_exit_code_of_1_counts_as_caught(tmp_path, monkeypatch):
 def test_verdicts_of_a_tree(tmp_path, monkeypatch):
     """A mutant that every text of a bench would catch, one without effect, and one that does not compile."""
     monkeypatch.setattr(mutate, "WORK", tmp_path)
-    tree = mutate.Tree(0, "bcc")
+    tree = mutate.Tree(0, "baud_divider")
     tree.baseline()
-    found = mutate.mutants("bcc", tree.path)
-    broken = next(mutant for mutant in found if (mutant.text, "^" in mutant.before) == ("|", True))
+    found = mutate.mutants("baud_divider", tree.path)
+    broken = next(mutant for mutant in found if mutant.text == "||")
     assert tree.evaluate(broken).verdict == "caught"
-    at = tree.original.index("  assign")
-    idle = mutate.Mutant("bcc", 1, "", "", at, at, " ")
+    at = tree.original.index("  wire third")
+    idle = mutate.Mutant("baud_divider", 1, "", "", at, at, " ")
     assert tree.evaluate(idle).verdict == "survived"
-    monkeypatch.setattr(mutate, "excused", lambda: {("bcc", " -> ")})
+    monkeypatch.setattr(mutate, "excused", lambda: {("baud_divider", " -> ")})
     assert tree.evaluate(idle).verdict == "same"
-    assert tree.evaluate(mutate.Mutant("bcc", 1, "", "", at, at, "((")).verdict == "invalid"
+    assert tree.evaluate(mutate.Mutant("baud_divider", 1, "", "", at, at, "((")).verdict == "invalid"
 
 
 def test_each_excuse_fits_a_mutant_of_the_present_module(monkeypatch, tmp_path, capsys):

@@ -238,6 +238,21 @@ async def gaps_of_up_to_two_characters_are_allowed_in_a_reply(dut, characters):
 
 
 @cocotb.test()
+@cocotb.parametrize(place=(1, 5, len(NUMBER) - 1))
+async def a_damaged_reply_is_bad_once_and_the_next_one_is_good(dut, place):
+    """LGE, a data byte or the BCC: its content, its parity or its stop bit (FC-8)."""
+    port = await Port(dut).start(listening=True)
+    other = NUMBER[:place] + bytes([NUMBER[place] ^ 0x10]) + NUMBER[place + 1 :]
+    for reply, flaws in (
+        (other, Flaws()),
+        (NUMBER, Flaws(bad_parity=(place,))),
+        (NUMBER, Flaws(bad_stop=(place,), gaps={place + 1: 1.0})),
+    ):
+        assert not await port.accepts(reply, flaws)
+        assert await port.accepts(STATUS)
+
+
+@cocotb.test()
 async def the_echo_of_a_telegram_is_ignored(dut):
     port = await Port(dut).start()
     for telegram in (COMMAND, NUMBER):
