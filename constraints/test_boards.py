@@ -217,15 +217,6 @@ def as_documented() -> dict[str, dict[str, tuple[str, str]]]:
     return {name: sites_of_a_card(name) for name in CARD_PINS} | development
 
 
-def exchange_pins(monkeypatch: pytest.MonkeyPatch, name: str, one: str, other: str) -> None:
-    pins = {pin.port: pin for pin in BOARDS[name].pins()}
-    pins[one], pins[other] = (
-        replace(pins[one], site=pins[other].site),
-        replace(pins[other], site=pins[one].site),
-    )
-    monkeypatch.setattr(Board, "pins", lambda self: list(pins.values()))
-
-
 def differs_from_documents(entry: Board) -> list[str]:
     """Ports that the board should not have, or whose pin is not that of its documents."""
     found = {pin.port: (pin.site, pin.remark) for pin in entry.pins()}
@@ -274,15 +265,6 @@ def sites_of_a_card(name: str) -> dict[str, tuple[str, str]]:
 def test_ports_are_on_the_documented_pins(name):
     """An LED whose name ends in _n is lit by a low pin: by hardware.md for the cards, by the schematics."""
     assert differs_from_documents(BOARDS[name]) == []
-
-
-@pytest.mark.parametrize(
-    ("name", "one", "other"),
-    [("card-gw1n-9", "modbus_de", "drive_de"), ("hx8k-breakout", "led_drive_red", "led_drive_green")],
-)
-def test_exchanged_ports_are_found(monkeypatch, name, one, other):
-    exchange_pins(monkeypatch, name, one, other)
-    assert {one, other} <= set(differs_from_documents(BOARDS[name]))
 
 
 @synth
