@@ -14,4 +14,5 @@ def test_every_bug_applies(bug):
     assert bug.rules and bug.what
     assert bug.seen and bug.seen.keys() <= {"test", "fuzz", "libfuzzer", "proof"}
     file, _, test = bug.seen.get("test", "").partition("::")
+    test = test.partition("[")[0]
     assert not test or f"def {test}(" in (ROOT / file).read_text(), test
