@@ -247,9 +247,8 @@ pictures: | setup-test ## the pictures of the pages and docs/switches.html, from
 	@$(RUN) tools.pictures
 	@$(RUN) tools.panel_picture
 
-docs: | setup-docs setup-demo ## the documentation site, readable offline: build/docs-site/index.html (3 s; pictures: make diagrams)
+docs: | setup-docs ## the documentation site, readable offline: build/docs-site/index.html (3 s; pictures: make diagrams)
 	@$(RUN) campaigns.masters.run --page >/dev/null
-	@$(RUN) tools.handbook --site
 	@$(RUN) tools.site.build
 
 datasheet: | setup-pages ## the data sheet from docs/evidence.json: build/datasheet, HTML and PDF (3 s)
@@ -279,7 +278,6 @@ $(foreach each,$(CAMPAIGNS),$(eval $(call campaign,$(word 1,$(subst =, ,$(each))
 
 ##@ Workshop
 release: diagrams | setup-synth setup-pages setup-docs ## all files of a release: build/dist (DRAFT=1, BOARD=name, CHECK=1)
-	@$(RUN) tools.handbook --site
 	@$(RUN) tools.release $(if $(TAG),--tag "$(TAG)") $(if $(DRAFT),--draft) $(if $(BOARD),--board $(BOARD)) $(if $(CHECK),--check)
 
 digests: | setup-test ## SHA-256 of images and designs: tools/digests.txt (CHECK=1: compare; BOARD=name or all: designs too)

@@ -1,8 +1,8 @@
 # SPDX-License-Identifier: Apache-2.0
 """The boards: rows of constraints/boards.toml, pin files, and the checks between them.
 
-python -m constraints.boards            checks each board, and writes build/boards
-python -m constraints.boards --check    exit 1 if a board is half-made, too
+python -m constraints.boards            writes the pin tables, docs/reference/pins.md, and build/boards
+python -m constraints.boards --check    exit 1 if the tables differ, or a board is half-made
 """
 
 from __future__ import annotations
@@ -39,6 +39,7 @@ FLASH = {"idcode", "pages", "user_pages"}
 # What docs/guide/hardware.md says of a board.
 SHOWN = ("title", "use", "switches", "leds", "transceivers", "load")
 PIN_FILES = {"ice40": "pcf", "machxo2": "lpf", "ecp5": "lpf", "gowin": "cst"}
+DOCS = ROOT / "docs/reference/pins.md"
 
 PORT = re.compile(r"\b(input|output|inout)\s+wire\s*(?:\[(\d+):(\d+)\])?\s*(\w+)")
 LPF_PIN = re.compile(
@@ -518,7 +519,7 @@ def unfinished(entry: Board) -> list[str]:
     return [f"{entry.name}: {line}" for line in missing]
 
 
-# ---------------------------------------------------------------- tables of pages
+# ---------------------------------------------------------------- docs/reference/pins.md
 
 
 def pin_row(entry: Board, pin: Pin, direction: str) -> str:
@@ -542,7 +543,13 @@ def pin_row(entry: Board, pin: Pin, direction: str) -> str:
 
 
 def pin_tables() -> str:
-    text = ""
+    text = """<!-- site: 740 Reference -->
+# Pins
+
+Written by `make pins` from the pin files in `constraints/`. *Pull* is inside the part. *Drive* is strength
+and slope of an output, fixed on iCE40. The circuit around the pins is in
+[hardware.md](../guide/hardware.md).
+"""
     for entry in boards().values():
         ways = ports(entry.wrapper)
         text += f"\n## {entry.name}\n\n{entry.part}, `{entry.pin_file.relative_to(ROOT)}`.\n\n"
@@ -583,7 +590,10 @@ def main() -> int:
             f"{shown(path)} has no row in boards.toml" for path in pin_files if path.stem not in boards()
         ]
     if not wrong and not args.check:
-        print(f"{len(boards())} boards")
+        DOCS.write_text(pin_tables())
+        print(f"wrote {DOCS.relative_to(ROOT)}: {len(boards())} boards")
+    elif not wrong and (not DOCS.exists() or DOCS.read_text() != pin_tables()):
+        wrong = [f"{DOCS.relative_to(ROOT)} is not what the pin files say; run `make pins`"]
     for line in wrong:
         print(line, file=sys.stderr)
     return 1 if wrong else 0

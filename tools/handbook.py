@@ -3,7 +3,6 @@
 
     python -m tools.handbook            writes the blocks into the pages of docs/guide/handbook
     python -m tools.handbook --check    exits 1 and names every outdated page
-    python -m tools.handbook --site     writes the tables of pins, for the site alone, to build/pages
 
 A block stands in a page between `<!-- generated: NAME -->` and `<!-- end -->`, and each name of BLOCKS once.
 It also writes the codes of the exceptions. All other tables are written by hand, and tools/test_handbook.py
@@ -13,7 +12,6 @@ compares them with the card.
 from __future__ import annotations
 
 import re
-import sys
 from collections.abc import Callable
 from pathlib import Path
 
@@ -35,8 +33,6 @@ BLOCKS: dict[str, Callable[[], str]] = {
     **dialect_tables.BLOCKS,
     **boards.BLOCKS,
 }
-# Of a page of the site, for its line `<!-- built: NAME -->`.
-BUILT = {"pins": boards.pin_tables}
 
 
 def rows(page: str, head: str, after: str = "# ") -> list[dict[str, str]]:
@@ -76,12 +72,6 @@ def pages() -> dict[Path, str]:
 
 
 def main() -> int:
-    if sys.argv[1:] == ["--site"]:
-        for name, text in BUILT.items():
-            page = ROOT / f"build/pages/{name}.md"
-            page.parent.mkdir(parents=True, exist_ok=True)
-            page.write_text(text())
-        return 0
     return write_files("handbook", __doc__, pages(), "make regs")
 
 

@@ -44,6 +44,7 @@ REPORT_LIST = ROOT / "docs/reports.md"
 ARCHITECTURE = ROOT / "docs/guide/architecture.md"
 # All pages together must stay readable: words written by hand, outside code and generated parts.
 WORDS_AT_MOST, PAGES_AT_MOST = 45_000, 30
+GENERATED_PAGES = (ROOT / "docs/reference/pins.md",)
 GENERATED = re.compile(r"<!-- generated:.*?<!-- end -->", re.DOTALL)
 WORD = re.compile(r"\w[\w'.-]*")
 WRAPPED = re.compile(r"[ \t]*\n[ \t]*(?://|\*|#)?[ \t]*")
@@ -131,7 +132,7 @@ def lost_lists(page: Path) -> list[str]:
 
 def written(pages: list[Path]) -> int:
     """Words of the pages that people wrote."""
-    texts = [page.read_text() for page in pages]
+    texts = [page.read_text() for page in pages if page not in GENERATED_PAGES]
     return sum(len(WORD.findall(FENCE.sub("", GENERATED.sub("", text)))) for text in texts)
 
 

@@ -50,7 +50,7 @@ AGAIN = ROOT / "build/release-check"
 SUMS = "SHA256SUMS"
 CHANGELOG = ROOT / "CHANGELOG.md"
 # Folders of build/ that the site shows; their commands have written them before.
-SHOWN = ("reports", "pictures", "diagrams", "pages")
+SHOWN = ("reports", "pictures", "diagrams")
 # The date of every file in the archive, the first that zip knows.
 ZIP_DATE = (1980, 1, 1, 0, 0, 0)
 ZIP_MODE = 0o100644 << 16

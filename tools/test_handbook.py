@@ -37,7 +37,11 @@ def register_rows(head: str) -> list[Row]:
     return rows("registers-and-parameters", head)
 
 
-EXAMPLE_BLOCK = handbook_examples.worked_examples()
+EXAMPLE_BLOCK = next(
+    block[2]
+    for block in handbook.BLOCK.finditer((PAGES / "examples.md").read_text())
+    if block[1] == "examples"
+)
 
 
 def numbers(text: str) -> range:

@@ -6,7 +6,7 @@ A page has its place by the comment `<!-- site: ORDER SECTION -->` above its tit
 Reports and pictures come from build/, where their commands wrote them. A report that is not there becomes a
 page of its main figures (docs/evidence.json), a picture that is not there becomes its description. A line
 `<!-- evidence: REPORT, HEADING -->` of a guide becomes that table, and `<!-- evidence: summaries -->` a few
-lines of each report. `<!-- built: NAME -->` becomes build/pages/NAME.md, which `make docs` writes.
+lines of each report.
 """
 
 from __future__ import annotations
@@ -34,7 +34,6 @@ PAGES = {
 BUILT = ROOT / "build"
 EVIDENCE = re.compile(r"^<!-- evidence: ([\w-]+), (.*) -->$", re.MULTILINE)
 SUMMARIES = "<!-- evidence: summaries -->"
-MADE = re.compile(r"^<!-- built: (\w+) -->$", re.MULTILINE)
 # Code is found first, so that a link in it stays. The last group is the target of a link.
 IN_PAGE = re.compile(f"{FENCE.pattern}|{CODE.pattern}|!?{LINK.pattern}", FENCE.flags)
 INDENT = re.compile(f"{FENCE.pattern}|^ {{3}}", FENCE.flags)
@@ -81,19 +80,13 @@ def on_page_markdown(markdown: str, page: Page, **_: object) -> str:
 
 
 def filled(text: str) -> str:
-    """The text with the tables of docs/evidence.json, each with its command, and with what is built."""
-
-    def built(found: re.Match) -> str:
-        page = BUILT / f"pages/{found[1]}.md"
-        return page.read_text() if page.exists() else "*`make docs` writes this part.*"
+    """The text with the tables of docs/evidence.json, each with its command."""
 
     def table(found: re.Match) -> str:
         entry = evidence()[found[1]]
         return f"{markdown(entry['tables'][found[2]])}\n\nMeasured by `{entry['command']}`."
 
-    return MADE.sub(built, EVIDENCE.sub(table, text)).replace(
-        SUMMARIES, "\n\n".join(map(summary, evidence()))
-    )
+    return EVIDENCE.sub(table, text).replace(SUMMARIES, "\n\n".join(map(summary, evidence())))
 
 
 def moved(markdown: str, source: Path, name: str) -> str:
