@@ -73,6 +73,57 @@ def test_the_order_of_the_steps():
     assert "Only then connect the network, to a master that [sends no start]" in said["Power on"]
 
 
+def test_the_order_of_the_handbook():
+    """Each of these before the next one; the network is connected only when the drive is closed and on."""
+    page = one_line((GUIDES / "handbook.md").read_text())
+    at = [
+        page.index(text)
+        for text in (
+            "Make the machine safe, so that an unexpected start can harm nobody",
+            "Unplug the network at the master. Switch the drive off, wait 14 minutes, and take its cassette",
+            "Take the old card out, and write down both its switch blocks",
+            "close the drive. The network stays unplugged at the master",
+            "Switch on. After 2 seconds both LEDs flash red",
+            "Never open a live drive",
+            "Connect the network, and read register 40003",
+            "The motor turns now: keep the stop of step 1 within reach. Write the [start",
+        )
+    ]
+    assert at == sorted(at)
+    build = one_line((GUIDES / "build.md").read_text())
+    assert "Ask it, without a drive. No drive is connected." in build
+    assert build.index("Take out the old card with its wires") < build.index("Wire A of the drive module")
+    assert "Unplug every USB cable to a computer" in build
+
+
+def sentences(text: str) -> list[str]:
+    prose = re.sub(r"^```.*?^```", "", text, flags=re.MULTILINE | re.DOTALL)
+    return re.split(r"(?<=[.:|]) ", one_line(prose))
+
+
+WORK = re.compile(r"\b(open|unplug|pull|measure|touch|disconnect|remove|loosen|wire)\b", re.IGNORECASE)
+WITHIN = re.compile(r"\b(terminals?|cassette|inside|ribbon|connector|drive)\b", re.IGNORECASE)
+ALIVE = re.compile(r"\b(running|live|turns|powered|while the motor|switched on)\b", re.IGNORECASE)
+RULE = re.compile(r"\b(LINE|FRAME|FC|MAP|EXC|SAFE|PERF|LED|BOOT|WDG|TOP)-\d+\b")
+OWNERS = ["README.md", "docs/guide/handbook.md", "docs/guide/build.md", "docs/reference/rtu2fc.md"]
+OWNERS += [str(path.relative_to(ROOT)) for path in sorted((GUIDES / "handbook").glob("*.md"))]
+
+
+@pytest.mark.parametrize("name", [*OWNERS, "docs/guide/bring-up.md", "docs/guide/debugging.md"])
+def test_no_sentence_asks_for_work_in_a_live_drive(name):
+    asked = [
+        said
+        for said in sentences((ROOT / name).read_text())
+        if WORK.search(said) and WITHIN.search(said) and ALIVE.search(said) and "never" not in said.lower()
+    ]
+    assert not asked
+
+
+@pytest.mark.parametrize("name", OWNERS)
+def test_no_page_of_an_owner_cites_a_rule(name):
+    assert not RULE.findall((ROOT / name).read_text())
+
+
 @pytest.mark.parametrize(
     ("step", "torque"),
     [
@@ -114,6 +165,13 @@ def test_control_words():
     """P19 and p20 print three words. A reset is bit 7 (p17); bit 6, the start, must be 0 meanwhile."""
     used = {row["control word"]: row["use"] for row in rows("coils-and-words", "control word")}
     assert [used[word] for word in ("047Ch", "043Ch", "2C20h")] == ["start", "ramp stop", "coast stop"]
+    for word, use in used.items():
+        value = int(word[:4], 16)
+        starts = use in ("start", "jog", "start in reverse")
+        assert bool(value & 0x0040) == starts, f"{word}: bit 6 is the start"
+        assert rows("coils-and-words", "control word")[list(used).index(word)]["bytes of coils 1-16"] == (
+            f"`{value & 0xFF:02X} {value >> 8:02X}`"
+        )
     page = one_line((GUIDES / "handbook/coils-and-words.md").read_text())
     assert "first remove its cause. Write 043Ch, then 04BCh, then 043Ch." in page
     assert "Write coil 7 = 0 first" in one_line((GUIDES / "handbook/safety.md").read_text())
