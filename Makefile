@@ -180,7 +180,7 @@ bench-fast: bench-card drive | setup-test ## the part of the bench that `make te
 	@$(RUN) campaigns.bench.run --fast $(BENCH_ARGS)
 
 evidence: | setup-test ## * renew every measured page that is of another card (2 h; ONLY=report; CHECK=1: only name them)
-	@$(RUN) tools.evidence $(if $(CHECK),--check) $(if $(ONLY),--only "$(ONLY)") $(if $(AGAIN),--again)
+	@$(RUN) tools.evidence $(if $(CHECK),--check) $(if $(ONLY),--only "$(ONLY)")
 
 results: | setup-test ## add the results of other machines: make results FILES="one.sqlite two.sqlite"
 	@$(RUN) campaigns.engine merge $(FILES)
@@ -262,7 +262,7 @@ CAMPAIGNS := $(shell awk 'FNR == 1 { needs = "$(NEEDS)" } sub(/^\# needs: /, "")
 	$(DESCRIBED) { gsub(" ", ",", needs); sub(/`\..*/, ""); sub(/.*`make /, ""); \
 	print $$0 "=" FILENAME "=" needs }' campaigns/*/*.py)
 GIVEN = $(strip $(foreach name,$(.VARIABLES),$(if $(filter command,$(origin $(name))),$(name))))
-OPTIONS = $(foreach name,$(filter-out V %_ARGS $(if $(findstring --jobs,$(file <$(1)))$(findstring campaigns/engine.py,$(file <$(1))),,JOBS),$(GIVEN)),--$(shell \
+OPTIONS = $(foreach name,$(filter-out V %_ARGS $(if $(findstring --jobs,$(file <$(1)))$(findstring campaigns.engine,$(file <$(1))),,JOBS),$(GIVEN)),--$(shell \
 	tr A-Z_ a-z- <<<'$(name)') "$($(name))")
 comma := ,
 # Name, file and prerequisites.

@@ -32,7 +32,7 @@ from jinja2 import Environment, StrictUndefined
 from campaigns.bench import fingerprint
 from rtl.command import Parser, in_processes, run_main
 from rtl.report_page import publish
-from rtl.sources import ROOT, configurations
+from rtl.sources import ROOT, card_files, configurations
 from sw.test import host
 from tb.lib import bound
 from tb.lib.options import at_least
@@ -42,6 +42,7 @@ EVERY_S = 20  # between two lines of progress
 FOLLOWED = 3  # cases that went wrong, which are looked at closer
 TABLE = """CREATE TABLE IF NOT EXISTS results (campaign TEXT, fingerprint TEXT, config TEXT, "case" TEXT,
     row TEXT, PRIMARY KEY (campaign, fingerprint, config, "case")) WITHOUT ROWID"""
+ALL = 'SELECT campaign, fingerprint, config, "case", row FROM results'
 Row = dict[str, Any]
 Task = Callable[[str], tuple[str, str, Row]]
 
@@ -54,12 +55,13 @@ class Store:
     """The results, in one file. Several processes may write to it at once."""
 
     def __init__(self, path: Path = STORE) -> None:
-        path.parent.mkdir(parents=True, exist_ok=True)
         try:
+            path.parent.mkdir(parents=True, exist_ok=True)
             self.base = sqlite3.connect(path, timeout=60)
             self.base.execute("PRAGMA synchronous = OFF")
             self.base.execute(TABLE)
-        except sqlite3.Error as error:
+            self.base.execute(f"{ALL} LIMIT 1").fetchall()
+        except (sqlite3.Error, OSError) as error:
             raise EngineError(f"{path} is no store of results: {error}") from error
 
     def keep(self, campaign: str, of: str, config: str, case: str, row: Row) -> None:
@@ -76,12 +78,13 @@ class Store:
 
     def merge(self, path: Path) -> int:
         """Adds the results of another store; returns how many were not here yet."""
-        if not path.is_file():
-            raise EngineError(f"there is no file {path}")
-        other = Store(path).base.execute("SELECT * FROM results")
-        with self.base:
-            before = self.base.total_changes
-            self.base.executemany("INSERT OR IGNORE INTO results VALUES (?, ?, ?, ?, ?)", other)
+        before = self.base.total_changes
+        try:
+            other = sqlite3.connect(f"file:{path}?mode=ro", uri=True).execute(ALL)
+            with self.base:
+                self.base.executemany("INSERT OR IGNORE INTO results VALUES (?, ?, ?, ?, ?)", other)
+        except sqlite3.Error as error:
+            raise EngineError(f"{path} is no store of results: {error}") from error
         return self.base.total_changes - before
 
 
@@ -102,6 +105,13 @@ def total(rows: Iterable[Row], join: Callable[[Any, Any], Any] = operator.add) -
             else:
                 merged[key] = join(merged[key], value)
     return merged
+
+
+def changes(config: str) -> list[int]:
+    """When each file of the card, and each image, was written last."""
+    images = (ROOT / configurations()[config]["firmware_hex"]).parent
+    files = [*card_files(config), *images.glob("*.hex"), *images.glob("*/firmware.hex")]
+    return [path.stat().st_mtime_ns for path in files]
 
 
 @functools.cache
@@ -143,6 +153,7 @@ class Campaign:
     unit = "cases"  # what COUNT counts
     count = 1000  # by default; 0: the cases are always the same
     configs = tuple(configurations())
+    every_dialect = False  # whether cases run other images than that of `card`
     keep: tuple[str, ...] = ("",)  # headings of the page whose tables go into docs/evidence.json
 
     def options(self, parser: Parser) -> None:
@@ -163,10 +174,12 @@ class Campaign:
         return ""
 
     def judge(self) -> str:
-        return fingerprint.judge(self.name)
+        return fingerprint.judge(self.module.split(".")[1])
 
     def of(self, config: str) -> str:
-        return f"{fingerprint.card(config)} {fingerprint.firmware(config)} {self.judge()}"
+        """Card, image and judge; with every dialect the sources, of which their images are made."""
+        images = [fingerprint.firmware(config), *([host.fingerprint()] if self.every_dialect else [])]
+        return " ".join([fingerprint.card(config), *images, self.judge()])
 
     def tries(self, rows: dict[str, Row]) -> int:
         """How often the card could have gone wrong, for the bound."""
@@ -190,35 +203,46 @@ class Campaign:
         parser.add_argument("--on", metavar="ADDRESS", help="of a Dask scheduler: its workers run the cases")
         parser.add_argument("--part", type=part, metavar="I/N", help="each N-th case, from the I-th on")
         parser.add_argument("--store", type=Path, default=STORE, help="file with the results")
-        parser.add_argument(
-            "--page", choices=["yes"], help="write build/reports from the results, run nothing"
-        )
+        if self.template().exists():
+            about = "write build/reports from the results, run nothing"
+            parser.add_argument("--page", choices=["yes"], help=about)
         self.options(parser)
         given = parser.parse_args()
-        given.drawn = given.seed is None
-        given.seed = random.SystemRandom().randrange(1 << 31) if given.drawn else given.seed
+        if given.seed is None:
+            given.seed = random.SystemRandom().randrange(1 << 31)
         if self.count:
             given.count = given.count or self.count
         return given
 
+    def instead(self, given: Namespace) -> int | None:
+        """Does what an option of its own asks for in place of a run; None: nothing."""
+        return None
+
     def main(self) -> int:
         given = self.parse()
-        if given.page:
+        if getattr(given, "page", None):
             self.publish(Store(given.store))
             return 0
-        return self.measure(given)
+        code = self.instead(given)
+        return self.measure(given) if code is None else code
 
     def measure(self, given: Namespace) -> int:
         """Runs the cases whose results are not in the store; 1 if the card went wrong in any."""
         first, step = given.part or (1, 1)
         cases = self.cases(given)[first - 1 :: step]
+        if not cases:
+            print(f"{self.name}: part {first} of {step} has no case")
+            return 0
         store, of, config = Store(given.store), self.of(given.config), given.config
         known = store.rows(self.name, of, config)
         left = [case for case in cases if case not in known]
         kept = f", {len(cases) - len(left)} of them from an earlier run" if len(left) < len(cases) else ""
         print(f"{self.name}: {config} card, seed {given.seed}, {len(cases)} cases{kept}", flush=True)
         followed = 0
+        sources = changes(config)
         for case, row in self._outcomes(given, left, of):
+            if changes(config) != sources:
+                raise EngineError("a source or an image has changed during the run; run it again")
             store.keep(self.name, of, config, case, row)
             known[case] = row
             if text := self.wrong(row):
@@ -286,19 +310,20 @@ class Campaign:
         """One statement for docs/evidence.json."""
         return ""
 
+    def template(self) -> Path:
+        return ROOT / Path(*self.module.split(".")[:-1], f"{self.name}.md.in")
+
     def subjects(self) -> list[str]:
-        return ["standard card", "tiny card", "firmware", f"{self.name} judge"]
+        return ["standard card", "tiny card", "firmware", f"{self.module.split('.')[1]} judge"]
 
     def publish(self, store: Store) -> None:
-        folder = ROOT / Path(*self.module.split(".")[:-1])
-        template = (folder / f"{self.name}.md.in").read_text()
         made = {
             "sources": host.fingerprint(),
             "judge": self.judge(),
             "sure": bound.SURE,
             "bound": bound.words,
         }
-        text = page(template, made | self.context(store))
+        text = page(self.template().read_text(), made | self.context(store))
         publish(
             self.name, text, self.command, fingerprint.now(*self.subjects()), self.about(store), self.keep
         )

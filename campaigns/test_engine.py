@@ -7,9 +7,11 @@ Every campaign with a page shows here that its template fits its results.
 from __future__ import annotations
 
 import contextlib
+import functools
 import importlib
 import sqlite3
 import sys
+from collections import Counter
 from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 from types import SimpleNamespace
@@ -18,8 +20,11 @@ import pytest
 
 from campaigns import engine
 from campaigns.engine import Campaign, EngineError, Row, Store, total
+from campaigns.flips import run as flips_run
 from campaigns.flips.run import CAMPAIGN as FLIPS
-from campaigns.flips.trial import FORBIDDEN, PARTS
+from campaigns.flips.trial import FORBIDDEN, PARTS, Flip, Outcome
+from campaigns.fuzz import impatient
+from campaigns.fuzz import run as fuzz_run
 from campaigns.fuzz.impatient import CAMPAIGN as IMPATIENT
 from campaigns.fuzz.planted import CAMPAIGN as PLANTS
 from campaigns.fuzz.plants import PLANTS as BUGS
@@ -27,11 +32,16 @@ from campaigns.fuzz.run import CAMPAIGN as FUZZ
 from campaigns.line_quality.limits import QUANTITIES
 from campaigns.line_quality.run import CAMPAIGN as LINE_QUALITY
 from campaigns.line_quality.run import PIECES
+from campaigns.soak import run as soak_run
 from campaigns.soak.run import CAMPAIGN as SOAK
+from campaigns.soak.run import Result
+from campaigns.starts import run as starts_run
 from campaigns.starts.run import CAMPAIGN as STARTS
 from rtl.sources import ROOT
+from sim.harness.library import Target
 from tb.lib.rows import each_row
 from tb.lib.seeds import seeded
+from tb.model.told import Verdict as Told
 
 
 class Squares(Campaign):
@@ -156,8 +166,26 @@ def test_a_file_that_is_no_store_is_refused(squares, tmp_path):
     (tmp_path / "text").write_text("no store, but a text of more than one line\n" * 50)
     with pytest.raises(EngineError, match="is no store of results"):
         squares(store="text")
-    with pytest.raises(EngineError, match="there is no file"):
-        Store(tmp_path / "new").merge(tmp_path / "none")
+    with sqlite3.connect(tmp_path / "other") as other:
+        other.execute("CREATE TABLE results (something)")
+    with pytest.raises(EngineError, match="is no store of results"):
+        squares(store="other")
+    for name in ("none", "text", "other"):
+        with pytest.raises(EngineError, match="is no store of results"):
+            Store(tmp_path / "new").merge(tmp_path / name)
+    assert not (tmp_path / "none").exists()
+
+
+def test_a_part_without_a_case_is_no_failure(squares, capsys):
+    assert squares("--count", "2", "--part", "3/4") == 0
+    assert capsys.readouterr().out == "squares: part 3 of 4 has no case\n"
+
+
+def test_an_image_that_changes_during_a_run_ends_it(squares, tmp_path, monkeypatch):
+    monkeypatch.setattr(engine, "changes", lambda config: [len(CAMPAIGN.made)])
+    with pytest.raises(EngineError, match="has changed during the run"):
+        squares()
+    assert not rows(tmp_path / "results.sqlite"), "what the other image did is not kept"
 
 
 def ends(case: str) -> tuple[str, str, Row]:
@@ -188,10 +216,14 @@ def test_a_case_of_a_campaign_without_a_test_of_its_own(tmp_path, monkeypatch, n
     assert campaign.name == name and campaign.module == f"campaigns.{name}.run"
     seed = seeded(name).randrange(1 << 31)
     monkeypatch.setattr(sys, "argv", [name, "--count=1", f"--seed={seed}", f"--store={tmp_path / 'store'}"])
-    assert campaign.main() == 0
+    published: list[str] = []
+    monkeypatch.setattr(engine, "publish", lambda name, text, *rest: published.append(text))
+    for config in campaign.configs:
+        monkeypatch.setattr(sys, "argv", [*sys.argv[:4], f"--config={config}"])
+        assert campaign.main() == 0
+    campaign.publish(Store(tmp_path / "store"))
+    assert published and published[0].startswith("# ")
 
-
-# ---------------------------------------------------------------- the pages
 
 FRAMES = {"frames": 12, "judged": 11, "cases": 1, "events": {"legal": 12}, "cpu_s": 90.0, "simulated_s": 2.0}
 FRAMES |= {"rates": {}, "outcomes": {}, "unclear": {}, "worst": {}, "differences": []}
@@ -202,6 +234,77 @@ FLIPPED |= {
 }
 BLOCK = {"wrong": "", "line": ["9600 bit/s 8E1"], "transactions": 500, "mismatches": 0}
 BLOCK |= {"replies": {"function 03": 400, "exception 2": 100}, "simulated_s": 600.0}
+FLIP = Flip(0, "gate_i.due", 0, 0, "card")
+
+# What each campaign asks about the card, replaced by what finds a fault in each.
+
+
+def silent(kind: str, config: str, seed: int) -> str:
+    return f"{config}: silent"
+
+
+def not_told(case: dict, config: str) -> Told:
+    return Told([f"{config}: told something else"], 1)
+
+
+def late(name: str, target: Target) -> Row:
+    return FRAMES | {"differences": [{"case": name, "what": [f"{target.config}: late"]}]}
+
+
+def unrequested(numbers: list[str], places: SimpleNamespace) -> list[Outcome]:
+    return [Outcome(FLIP, FORBIDDEN[0], places.config) for _ in numbers]
+
+
+def mismatch(*about: object) -> Result:
+    return Result([], [f"{about[-1]}: mismatch"], 1, Counter(), 1.0, 1.0, "9600 bit/s 8E1")
+
+
+FAULTS = {
+    STARTS: (starts_run.starts, "start", silent),
+    IMPATIENT: (impatient, "play", not_told),
+    FUZZ: (fuzz_run, "row_of", late),
+    FLIPS: (flips_run, "outcomes", unrequested),
+    SOAK: (soak_run, "soak", mismatch),
+}
+
+
+@pytest.mark.parametrize("campaign", FAULTS, ids=lambda campaign: campaign.name)
+def test_a_fault_is_seen_kept_and_told(tmp_path, monkeypatch, capsys, campaign):
+    """Exit 1, also of the run that finds the rows in the store; the card is the one that was named."""
+    monkeypatch.setattr(*FAULTS[campaign])
+    bits = SimpleNamespace(bits=lambda part: 8, config="tiny")
+    monkeypatch.setattr(flips_run, "places", lambda config, baud: bits)
+    monkeypatch.setattr(type(campaign), "follow", lambda *about: "")
+    monkeypatch.setattr(type(campaign), "of", lambda self, config: f"{config} card")
+    play = functools.partial(done, campaign)
+    monkeypatch.setattr(engine, "in_processes", lambda jobs, task, cases: map(play, cases))
+    store = f"--store={tmp_path / 'store'}"
+    monkeypatch.setattr(sys, "argv", [campaign.name, "--config=tiny", "--count=1", "--seed=1", store])
+    for _ in range(2):
+        assert campaign.main() == 1
+        assert "tiny" in capsys.readouterr().out.splitlines()[-1], "the card that was named"
+
+
+def done(campaign: Campaign, case: str) -> tuple[str, str, Row]:
+    return case, "tiny card", campaign.run("tiny", case)
+
+
+@pytest.mark.parametrize("campaign", FAULTS, ids=lambda campaign: campaign.name)
+def test_results_are_of_one_card_one_image_and_one_judge(monkeypatch, campaign):
+    now = {name: name for name in ("card", "firmware", "judge")}
+    for name in now:
+        monkeypatch.setattr(engine.fingerprint, name, lambda *about, name=name: f"{now[name]} {about}")
+    monkeypatch.setattr(engine.host, "fingerprint", lambda: now.setdefault("sources", "sources"))
+    before = campaign.of("standard")
+    assert before != campaign.of("tiny")
+    for name in ("card", "firmware", "judge", *(["sources"] if campaign.every_dialect else [])):
+        was, now[name] = now[name], "another"
+        assert campaign.of("standard") != before, name
+        now[name] = was
+    assert campaign.every_dialect == (campaign not in (STARTS, FLIPS)), "they run the image `card` alone"
+
+
+# ---------------------------------------------------------------- the pages
 
 
 def limits(name: str) -> Row:
@@ -227,7 +330,7 @@ RESULTS = (
 @pytest.fixture
 def kept(tmp_path, monkeypatch) -> Store:
     """Results of every campaign, of both cards."""
-    for name in ("card", "firmware", "fuzz_judge", "flips_judge", "judge", "soak", "starts", "now"):
+    for name in ("card", "firmware", "judge", "now"):
         monkeypatch.setattr(engine.fingerprint, name, lambda *about, name=name: f"{name} {about}")
     store = Store(tmp_path / "store")
     for campaign, found in RESULTS:
@@ -260,7 +363,7 @@ def kept(tmp_path, monkeypatch) -> Store:
         (SOAK, "| vlt6000 | 1 | 9600: 8E1 | 500 | 0 | 9.17e-03 | 10 min |"),
         (SOAK, "- card, vlt6000: 100 exception 2, 400 function 03."),
         (STARTS, "| standard | power-up | 2 | 1 to 2 | 0 | 9.00e-01 |"),
-        (STARTS, "| tiny | reset | 1 | 1 to 1 | 1 | 1.00e+00 |"),
+        (STARTS, "| tiny | reset | 1 | 1 | 1 | 1.00e+00 |"),
     ],
 )
 def test_a_page_shows_the_results(kept, monkeypatch, campaign, said):

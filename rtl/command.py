@@ -46,6 +46,9 @@ def run_main(name: str, main: Callable[[], int | None], *errors: type[Exception]
         sys.exit()
     try:
         sys.exit(main())
+    except BrokenPipeError:
+        stop_printing()
+        sys.exit(0)
     except errors as error:
         print(f"{name}: {error}", file=sys.stderr)
         sys.exit(2)

@@ -16,7 +16,7 @@ import tomllib
 from functools import cache
 from pathlib import Path
 
-from rtl.command import run_main, stop_printing
+from rtl.command import run_main
 
 ROOT = Path(__file__).resolve().parents[1]
 FILE_LIST = ROOT / "rtl/rtl.f"
@@ -104,8 +104,6 @@ def main() -> int:
     config = sys.argv[1] if len(sys.argv) > 1 else "standard"
     try:
         print("\n".join(str(path) for path in card_files(config)), flush=True)
-    except BrokenPipeError:  # the reader of the output has stopped
-        stop_printing()
     except SourcesError as error:
         print(error, file=sys.stderr)
         return 2

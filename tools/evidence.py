@@ -1,8 +1,8 @@
 # SPDX-License-Identifier: Apache-2.0
 """Renews every measured page that is of another card; `make evidence` (CHECK=1: only names them).
 
-    python -m tools.evidence [--only REPORT] [--again]      runs the commands of REPORTS below
-    python -m tools.evidence --check                        exit 1 when a page is of another card
+    python -m tools.evidence [--only REPORT]      runs the commands of REPORTS below
+    python -m tools.evidence --check              exit 1 when a page is of another card
 
 docs/evidence.json has the figures that other pages show, with the fingerprints of what was measured
 (campaigns/bench/fingerprint.py). A report of this card, firmware and judge is not measured again, so a run
@@ -65,16 +65,19 @@ def changed(name: str, of: dict[str, str]) -> list[str]:
 def older() -> dict[str, str]:
     """Reports that are missing or of another card, each with what is another."""
     kept = evidence()
-    found = {name: changed(name, kept[name]["of"]) if name in kept else ["nothing yet"] for name in REPORTS}
-    return {name: ", ".join(other) for name, other in found.items() if other}
+    found = {name: changed(name, kept[name]["of"]) for name in REPORTS if name in kept}
+    differ = {name: f"another {', '.join(other)}" for name, other in found.items() if other}
+    return {
+        name: differ.get(name, "not measured yet") for name in REPORTS if name in differ or name not in kept
+    }
 
 
-def check() -> int:
-    wrong = older()
-    for name in REPORTS:
+def check(only: str | None = None) -> int:
+    wrong, asked = older(), [only] if only else list(REPORTS)
+    for name in asked:
         other = wrong.get(name)
-        print(f"{name}: " + (f"another {other}; make evidence ONLY={name}" if other else "of this card"))
-    return 1 if wrong else 0
+        print(f"{name}: " + (f"{other}; make evidence ONLY={name}" if other else "of this card"))
+    return int(any(name in wrong for name in asked))
 
 
 def renew(name: str) -> str:
@@ -96,13 +99,11 @@ def main() -> int:
     parser = Parser(prog="evidence", description=__doc__.splitlines()[0])
     parser.add_argument("--check", action="store_true", help="only name the reports of another card")
     parser.add_argument("--only", choices=REPORTS, metavar="REPORT")
-    parser.add_argument("--again", action="store_true", help="measure also what is of this card")
     given = parser.parse_args()
     if given.check:
-        return check()
+        return check(given.only)
     forget(REPORTS)
-    wanted = list(REPORTS) if given.again else list(older())
-    wanted = [name for name in wanted if given.only in (None, name)]
+    wanted = [name for name in older() if given.only in (None, name)]
     began, failed, took = time.monotonic(), [], {}
     for number, name in enumerate(wanted, 1):
         print(

@@ -66,7 +66,7 @@ def two_reports(written, monkeypatch) -> None:
 def test_figures_of_another_card_are_named(two_reports, monkeypatch, capsys):
     assert tool.check() == 0
     monkeypatch.setitem(fingerprint.SUBJECTS, "tiny card", lambda: "another")
-    assert tool.older() == {"two": "tiny card"}
+    assert tool.older() == {"two": "another tiny card"}
     assert tool.check() == 1
     assert "two: another tiny card; make evidence ONLY=two" in capsys.readouterr().out.splitlines()
 
@@ -92,7 +92,8 @@ def test_only_what_is_of_another_card_is_measured_again(two_reports, monkeypatch
 
 
 def test_a_stopped_command_stops_the_whole(two_reports, monkeypatch):
-    monkeypatch.setattr("sys.argv", ["evidence", "--again"])
+    monkeypatch.setattr("sys.argv", ["evidence"])
+    monkeypatch.setitem(fingerprint.SUBJECTS, "standard card", lambda: "another")
     stopped = subprocess.CompletedProcess([], 130)
     monkeypatch.setattr(tool.subprocess, "run", lambda command, **how: stopped)
     with pytest.raises(KeyboardInterrupt):

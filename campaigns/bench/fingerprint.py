@@ -10,6 +10,7 @@ from __future__ import annotations
 
 import ast
 import contextlib
+import functools
 import hashlib
 import json
 import sys
@@ -25,13 +26,22 @@ BENCH = ("wave", "card", "judge", "traffic", "cases", "conformance", "work")
 MODEL_FILES = [ROOT / f"tb/model/{name}.py" for name in ("card", "fc_telegram", "vlt_drive")]
 AGENTS = [ROOT / f"tb/agents/{name}.py" for name in ("crc16", "rtu")]
 HARNESS = [ROOT / "sim/harness" / name for name in ("card_library.cpp", "card_model.h", "line_player.h")]
-HARNESS_PYTHON = [
-    ROOT / "sim/harness" / name for name in ("pins.py", "power_up.py", "registers.py", "simulated_card.py")
-]
-NO_JUDGES = ("plants", "shrink", "fake_mailbox", "firmware", "test_core", "test_flips", "test_fuzz")
-STARTS = ("starts", "supervision")
+# Of a campaign: the modules that decide a verdict, if not all that campaigns/NAME/run.py imports, and the
+# files that they read.
+JUDGES: dict[str, tuple[tuple[str, ...], tuple[str, ...]]] = {
+    "starts": (("tb.lib.starts",), ()),
+    "flips": (("campaigns.flips.group",), ()),
+    "fuzz": (
+        ("campaigns.fuzz.trial", "campaigns.fuzz.impatient", "campaigns.fuzz.planted"),
+        ("tb/planted.toml", "tb/captures/*.sr"),
+    ),
+}
+# The simulated card with its far ends, and the drive.
+AROUND = ("sim/harness", "sim/card", "sim/drive")
+# They change no verdict.
+TEXTS = {"campaigns.engine", "campaigns.bench.fingerprint", "campaigns.fuzz.report", "rtl.command"}
+TEXTS |= {"rtl.report_page", "tb.lib.bound", "tb.lib.options"}
 DIGITS = 12
-TEXTS = ("page", "report")  # of the fuzzer; they change no verdict
 
 
 def _digest(parts: list[tuple[str, str]]) -> str:
@@ -67,66 +77,37 @@ def firmware(config: str = "standard", dialect: str = "card") -> str:
     return _digest([(config, image.read_text() if image.exists() else "")])
 
 
-def _lines() -> list[tuple[str, str]]:
-    """The card between two far ends, and the models: what fuzzer and flips share."""
-    python = sorted(path for path in (ROOT / "tb/model").glob("*.py") if path.stem not in NO_JUDGES)
-    python += [ROOT / "campaigns/fuzz/case.py", *AGENTS, *HARNESS_PYTHON]
-    drive = sorted(path for path in (ROOT / "sim/drive").iterdir() if path.suffix in (".c", ".h"))
-    return [*map(_python, python), *map(_code, [*HARNESS, *drive])]
+def imported(*modules: str) -> list[Path]:
+    """These modules and all of ours that they import, but for those of TEXTS."""
+    found: dict[str, Path] = {}
+    left = list(modules)
+    while left:
+        name = left.pop()
+        path = ROOT / Path(*name.split(".")).with_suffix(".py")
+        if name in found or name in TEXTS or not path.is_file():
+            continue
+        found[name] = path
+        for node in ast.walk(ast.parse(path.read_text())):
+            if isinstance(node, ast.Import):
+                left += [alias.name for alias in node.names]
+            elif isinstance(node, ast.ImportFrom) and node.module:
+                left += [node.module, *(f"{node.module}.{alias.name}" for alias in node.names)]
+    return [found[name] for name in sorted(found)]
 
 
-def _campaign(name: str) -> list[tuple[str, str]]:
-    others = (*NO_JUDGES, *TEXTS, "case")
-    return [
-        _python(path) for path in sorted((ROOT / "campaigns" / name).glob("*.py")) if path.stem not in others
-    ]
-
-
+@functools.cache
 def judge(campaign: str) -> str:
-    """Of a campaign without a function here: its programs, and what they may share."""
-    programs = sorted((ROOT / "campaigns" / campaign).glob("*.py"))
-    if not programs:
+    """Of a campaign: its program and what decides a verdict, here and in the simulation."""
+    own = ROOT / f"campaigns/{campaign}/run.py"
+    if not own.exists():
         raise SourcesError(f"there is no campaign {campaign!r} whose judge could have a fingerprint")
-    return _digest([*_lines(), *(_python(path) for path in programs if path.stem[:5] != "test_")])
-
-
-def fuzz_judge() -> str:
-    """Actions of the fuzzer on the card, and its verdicts."""
-    traffic = [
-        ROOT / "campaigns/soak/run.py",
-        ROOT / "sw/rtu2fc/capture.py",
-        ROOT / "tb/lib/recorded_buses.py",
-    ]
-    captures = [(path.name, path.read_bytes().hex()) for path in sorted((ROOT / "tb/captures").glob("*.sr"))]
-    return _digest([*_lines(), *_campaign("fuzz"), *map(_python, traffic), *captures])
-
-
-def flips_judge() -> str:
-    """Actions of the flips on the card, and their verdicts."""
-    return _digest([*_lines(), *_campaign("flips")])
-
-
-def soak() -> str:
-    """Traffic and judge of the soak, with the virtual card around the Verilog."""
-    python = [ROOT / "campaigns/soak/run.py", *MODEL_FILES, *AGENTS]
-    around = [path for folder in ("sim/card", "sim/drive") for path in sorted((ROOT / folder).iterdir())]
-    code = [*HARNESS, *(path for path in around if path.suffix in (".c", ".cpp", ".h"))]
-    return _digest([*map(_python, python), *map(_code, code)])
-
-
-def starts() -> str:
-    """What is done at a start, and its verdict."""
-    return _digest([_python(path) for path in (*(ROOT / f"tb/lib/{name}.py" for name in STARTS), *AGENTS)])
-
-
-def fuzz(config: str = "standard") -> str:
-    """Card, firmware and judge, as stated in results of the fuzzer; only equal ones are added up."""
-    return f"{card(config)} {firmware(config)} {fuzz_judge()}"
-
-
-def flips(config: str = "standard") -> str:
-    """As fuzz(), for results of the flips."""
-    return f"{card(config)} {firmware(config)} {flips_judge()}"
+    deciding, read = JUDGES.get(campaign, ((f"campaigns.{campaign}.run",), ()))
+    around = [path for folder in AROUND for path in sorted((ROOT / folder).iterdir())]
+    code = [_code(path) for path in around if path.suffix in (".c", ".cpp", ".h")]
+    data = [path for path in around if path.suffix == ".csv"]
+    data += [path for pattern in read for path in sorted(ROOT.glob(pattern))]
+    contents = [(path.name, path.read_bytes().hex()) for path in data]
+    return _digest([*map(_python, [own, *imported(*deciding)]), *code, *contents])
 
 
 def bench() -> str:
@@ -153,10 +134,6 @@ SUBJECTS: dict[str, Callable[[], str]] = {
     "tiny card": partial(card, "tiny"),
     "firmware": host.fingerprint,
     "bench": bench,
-    "fuzz judge": fuzz_judge,
-    "flips judge": flips_judge,
-    "soak judge": soak,
-    "starts judge": starts,
 }
 
 

@@ -18,7 +18,6 @@ import re
 from argparse import Namespace
 from collections import Counter
 
-from campaigns.bench import fingerprint
 from campaigns.engine import Campaign, EngineError, Row, total
 from campaigns.flips.group import GroupError, outcomes
 from campaigns.flips.trial import (
@@ -46,7 +45,7 @@ NOTABLE = (*OUTCOMES[: OUTCOMES.index("driver stuck") + 1], *WRONG)
 
 
 class Flips(Campaign):
-    """A case is a group of flips in the same traffic: rate, seed, number of the first flip and of all."""
+    """A case is a group of flips in the same traffic: rate, seed and number of the first flip."""
 
     name, module = "flips", "campaigns.flips.run"
     unit = "flips"
@@ -57,19 +56,16 @@ class Flips(Campaign):
         parser.add_argument("--trial", metavar="SEED/NUMBER", help="one flip again, with its traffic")
 
     def cases(self, given: Namespace) -> list[str]:
-        return [
-            f"{given.baud}/{given.seed}/{first}/{min(GROUP, given.count - first)}"
-            for first in range(0, given.count, GROUP)
-        ]
+        return [f"{given.baud}/{given.seed}/{first}" for first in range(0, given.count, GROUP)]
 
     def run(self, config: str, case: str) -> Row:
-        baud, seed, first, count = map(int, case.split("/"))
+        baud, seed, first = map(int, case.split("/"))
         there, began = places(config, baud), cpu_s()
-        numbers = [f"{seed}/{number}" for number in range(first, first + count)]
+        numbers = [f"{seed}/{number}" for number in range(first, first + GROUP)]
         found = list(zip(numbers, outcomes(numbers, there), strict=True))
         return {
-            "flips": count,
-            "flips_at": {str(baud): count},
+            "flips": GROUP,
+            "flips_at": {str(baud): GROUP},
             # At another clock the dividers have other widths, so the number of bits differs.
             "bits": {part: [there.bits(part)] for part in PARTS},
             "counts": Counter(f"{one.flip.part}: {one.what}" for _, one in found),
@@ -81,14 +77,18 @@ class Flips(Campaign):
             "cpu_s": cpu_s() - began,
         }
 
+    def instead(self, given: Namespace) -> int | None:
+        if not given.trial:
+            return None
+        if not re.fullmatch(r"\d+/\d+", given.trial):
+            raise EngineError(f"--trial {given.trial}: SEED/NUMBER")
+        return tell(given.trial, places(given.config, given.baud))
+
     def wrong(self, row: Row) -> str:
         forbidden = (each for each in row["notable"] if each["what"] in FORBIDDEN)
         return "; ".join(
             f"{each['trial']} {each['flip']}: {each['what']}: {each['why']}" for each in forbidden
         )
-
-    def judge(self) -> str:
-        return fingerprint.flips_judge()
 
     def said(self, rows: dict[str, Row]) -> str:
         return report(total(rows.values()))
@@ -143,16 +143,7 @@ def tell(name: str, places: Places) -> int:
     return int(outcome.what in FORBIDDEN)
 
 
-def main() -> int:
-    given = CAMPAIGN.parse()
-    if not given.trial:
-        return CAMPAIGN.measure(given)
-    if not re.fullmatch(r"\d+/\d+", given.trial):
-        raise EngineError(f"--trial {given.trial}: SEED/NUMBER")
-    return tell(given.trial, places(given.config, given.baud))
-
-
 CAMPAIGN = Flips()
 
 if __name__ == "__main__":
-    run_main("flips", main, BuildError, EngineError, GroupError, RegistersError)
+    run_main("flips", CAMPAIGN.main, BuildError, EngineError, GroupError, RegistersError)

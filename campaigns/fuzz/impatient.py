@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """Masters that do not wait: was the drive told what the image shows (SAFE-8); `make impatient`.
 
-    python -m campaigns.fuzz.impatient [--config tiny] [--seed N] [--count SEQUENCES] [--jams]
+    python -m campaigns.fuzz.impatient [--config tiny] [--seed N] [--count SEQUENCES] [--jams yes]
 
 A sequence is 4 to 12 requests with time-outs of 5 to 400 ms, often a start, a slow reading, a stop and a
 write of a parameter. The drive answers after 3 to 120 ms, too late, never, or again to the telegram before;
@@ -17,7 +17,6 @@ import json
 import random
 from argparse import Namespace
 
-from campaigns.bench import fingerprint
 from campaigns.engine import Campaign, EngineError, Row, total
 from campaigns.fuzz.case import CLK_HZ, DRIVE_DELAY_BITS, Player
 from campaigns.fuzz.shrink import shrink
@@ -181,14 +180,13 @@ def make(seed: int, number: int, config: str, jams: bool = False) -> dict:
 
 
 class Impatient(Campaign):
+    every_dialect = True
     name, module = "impatient", "campaigns.fuzz.impatient"
-    unit = "sequences"
+    unit = "readings of the image"
     count = 100
 
     def options(self, parser: Parser) -> None:
-        parser.add_argument(
-            "--jams", action="store_true", help="something keeps the drive line busy at times"
-        )
+        parser.add_argument("--jams", choices=["yes"], help="something keeps the drive line busy at times")
 
     def cases(self, given: Namespace) -> list[str]:
         return [f"{case}/jams" if given.jams else case for case in super().cases(given)]
@@ -211,13 +209,13 @@ class Impatient(Campaign):
         setting = "" if config == "standard" else f"CONFIG={config} "
         return f"make fuzz {setting}REPLAY={path.relative_to(ROOT)}"
 
-    def judge(self) -> str:
-        return fingerprint.fuzz_judge()
+    def tries(self, rows: dict[str, Row]) -> int:
+        """Readings of the image that were judged: sequences that came to rest."""
+        return sum(row["asked"] for row in rows.values())
 
     def said(self, rows: dict[str, Row]) -> str:
         sums = total(rows.values())
-        judged = f"{sums['asked']} readings of the image judged, {sums['restless']} not at rest"
-        return f"{super().said(rows)}; {judged}"
+        return f"{len(rows)} sequences, {sums['restless']} not at rest; {super().said(rows)}"
 
 
 def case_of(name: str, config: str) -> dict:

@@ -32,9 +32,10 @@ def frames_in_all(cards: list[Namespace]) -> str:
 
 def masters_in_all(cards: list[Namespace]) -> str:
     wrong, tries = sum(card.wrong for card in cards), sum(card.tries for card in cards)
+    count = sum(len(card.rows) for card in cards)
     return (
-        f"{tries:,} sequences of masters that do not wait, on both cards: {wrong} with a difference, "
-        f"at most {bound.words(wrong, tries)} of them at {bound.SURE}"
+        f"{count:,} sequences of masters that do not wait, on both cards: {wrong} with a difference, "
+        f"at most {bound.words(wrong, tries)} of those that came to rest at {bound.SURE}"
     )
 
 

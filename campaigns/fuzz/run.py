@@ -17,7 +17,6 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
-from campaigns.bench import fingerprint
 from campaigns.engine import Campaign, EngineError, Row, Store, total
 from campaigns.flips.run import CAMPAIGN as FLIPS
 from campaigns.fuzz import case_file, report
@@ -38,6 +37,7 @@ Play = Callable[..., tuple[Verdict, Played]]
 
 
 class Fuzz(Campaign):
+    every_dialect = True
     name, module = "fuzz", "campaigns.fuzz.run"
     command = "make fuzz, impatient and flips of both cards, and fuzz-plants"
     count = 50
@@ -57,14 +57,20 @@ class Fuzz(Campaign):
     def run(self, config: str, case: str) -> Row:
         return row_of(case, Target(config=config))
 
+    def instead(self, given: Namespace) -> int | None:
+        if not given.replay:
+            if given.wave:
+                raise EngineError("--wave is of a case: --replay FILE.json")
+            return None
+        if given.wave and (given.wave.is_dir() or not given.wave.resolve().parent.is_dir()):
+            raise EngineError(f"--wave {given.wave}: no file can be written there")
+        return replay(given.replay, given.wave, Target(config=given.config))
+
     def wrong(self, row: Row) -> str:
         return "; ".join(what for each in row["differences"] for what in each["what"])
 
     def follow(self, config: str, case: str) -> str:
         return smaller(case, config, functools.partial(run, target=Target(config=config)), FOLDER)
-
-    def judge(self) -> str:
-        return fingerprint.fuzz_judge()
 
     def tries(self, rows: dict[str, Row]) -> int:
         return sum(row["judged"] for row in rows.values())
@@ -117,21 +123,7 @@ def replay(path: Path, wave: Path | None, target: Target) -> int:
     return 1 if verdict.differences else 0
 
 
-def main() -> int:
-    given = CAMPAIGN.parse()
-    if given.page:
-        CAMPAIGN.publish(Store(given.store))
-        return 0
-    if not given.replay:
-        if given.wave:
-            raise EngineError("--wave is of a case: --replay FILE.json")
-        return CAMPAIGN.measure(given)
-    if given.wave and (given.wave.is_dir() or not given.wave.resolve().parent.is_dir()):
-        raise EngineError(f"--wave {given.wave}: no file can be written there")
-    return replay(given.replay, given.wave, Target(config=given.config))
-
-
 CAMPAIGN = Fuzz()
 
 if __name__ == "__main__":
-    run_main("fuzz", main, BuildError, CaseError, EngineError, SourcesError)
+    run_main("fuzz", CAMPAIGN.main, BuildError, CaseError, EngineError, SourcesError)

@@ -14,7 +14,6 @@ from collections import defaultdict
 from dataclasses import asdict
 from typing import Any
 
-from campaigns.bench import fingerprint
 from campaigns.engine import Campaign, EngineError, Row, Store
 from campaigns.line_quality.limits import ALL_FORMS, QUANTITIES, Quantity
 from campaigns.line_quality.measure import Limit
@@ -43,9 +42,6 @@ class LineQuality(Campaign):
     def wrong(self, row: Row) -> str:
         return "; ".join(faults([Limit(**one) for one in row["limits"]]))
 
-    def judge(self) -> str:
-        return fingerprint.judge("line_quality")
-
     def subjects(self) -> list[str]:
         return ["standard card", "firmware", "line_quality judge"]
 
@@ -60,7 +56,9 @@ class LineQuality(Campaign):
         runs: dict[str, dict[str, Row]] = defaultdict(dict)
         for case, row in card.rows.items():
             runs[case.split("/")[0]][case] = row
-        seed = next((seed for seed, rows in runs.items() if len(rows) == len(PIECES)), None)
+        whole_runs = [seed for seed, rows in runs.items() if len(rows) == len(PIECES)]
+        # What was missed once stays.
+        seed = max(whole_runs, key=lambda seed: len(faults(limits_of(runs[seed]))), default=None)
         if seed is None:
             raise EngineError(f"no whole run of the card as it is now; run `{self.command}` first")
         limits = limits_of(runs[seed])

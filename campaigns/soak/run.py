@@ -35,7 +35,6 @@ from sim.card.masters import Pymodbus
 from sim.card.run_card import CardError, Frame, RunningCard
 from sim.drive.drive_bench import NUMBERS, first_index, table
 from sim.drive.drive_bench import Row as Parameter
-from sw.test import host
 from tb.agents.crc16 import with_crc
 from tb.lib import bound
 from tb.model import fc_telegram as fc
@@ -364,6 +363,7 @@ def soak(folder: Path, seed: int, count: int, dialect: str, profile: str, config
 
 
 class Soak(Campaign):
+    every_dialect = True
     name, module = "soak", "campaigns.soak.run"
     command = "make soak of both cards"
     unit = "transactions"
@@ -400,13 +400,6 @@ class Soak(Campaign):
             "replies": result.replies,
             "simulated_s": result.simulated_s,
         }
-
-    def judge(self) -> str:
-        return fingerprint.soak()
-
-    def of(self, config: str) -> str:
-        """With the images of every dialect, which are of these sources."""
-        return f"{super().of(config)} {host.fingerprint()}"
 
     def said(self, rows: dict[str, Row]) -> str:
         sums = total(rows.values())

@@ -10,9 +10,9 @@ was (SAFE-5); 1: at least one did not; 2: an invalid command line. Other options
 from __future__ import annotations
 
 from argparse import Namespace
+from collections.abc import Iterable
 from typing import Any
 
-from campaigns.bench import fingerprint
 from campaigns.engine import Campaign, EngineError, Row, Store
 from rtl.command import run_main
 from tb.lib import bound, starts
@@ -31,19 +31,27 @@ class Starts(Campaign):
         kind, seed = case.split("/")
         return {"wrong": starts.start(kind, config, int(seed))}
 
-    def judge(self) -> str:
-        return fingerprint.starts()
-
     def context(self, store: Store) -> dict[str, Any]:
         cards = self.found(store)
         return {"cards": cards, "rows": [row(card, kind) for card in cards for kind in starts.KINDS]}
+
+
+def spans(seeds: Iterable[int]) -> str:
+    """Numbers with their gaps: 1 to 5, 9."""
+    parts: list[list[int]] = []
+    for seed in sorted(seeds):
+        if parts and seed == parts[-1][-1] + 1:
+            parts[-1][1:] = [seed]
+        else:
+            parts.append([seed])
+    return ", ".join(" to ".join(map(str, part)) for part in parts) or "none"
 
 
 def row(card: Namespace, kind: str) -> tuple:
     """One card and one kind of start."""
     found = {int(case.split("/")[1]): each for case, each in card.rows.items() if case.startswith(f"{kind}/")}
     failed = sum(bool(each["wrong"]) for each in found.values())
-    seeds = f"{min(found)} to {max(found)}"
+    seeds = spans(found)
     return card.config, kind, f"{len(found):,}", seeds, failed, bound.words(failed, len(found))
 
 

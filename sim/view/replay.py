@@ -31,7 +31,7 @@ from pathlib import Path
 from regs.dialects import DIALECTS as TABLE
 from regs.dialects import folder_with
 from regs.generated.mailbox import AREAS, FRAMES_BYTES, STRIDE
-from rtl.command import Parser, run_main, stop_printing
+from rtl.command import Parser, run_main
 from rtl.sources import ROOT, configuration, configurations
 from sim.harness.library import BuildError, Target
 from sim.harness.pins import BAUDS, DRIVE, FORMS, NETWORK, Pins
@@ -452,8 +452,6 @@ def main(words: Sequence[str] | None = None) -> int:
     except (CaptureError, BuildError) as error:
         print(f"replay: {error}", file=sys.stderr)
         return 2
-    except BrokenPipeError:  # the reader of the output has stopped
-        stop_printing()
     return 0
 
 
