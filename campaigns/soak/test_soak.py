@@ -40,7 +40,7 @@ def each_pair() -> Iterator[Any]:
             )
 
 
-@pytest.mark.parametrize(("dialect", "profile", "count"), each_pair())
+@pytest.mark.parametrize(("dialect", "profile", "count"), list(each_pair()))
 def test_mixed_traffic_agrees_with_the_models(tmp_path, dialect, profile, count):
     result = soak(tmp_path, seeded(f"{dialect} {profile}").randrange(1 << 31), count, dialect, profile)
     print(result)
