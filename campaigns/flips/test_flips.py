@@ -470,9 +470,20 @@ def test_driver_that_stays_on_is_reported_with_its_telegram(data, expected):
     assert class_of(played) == expected
 
 
-def class_of(played: Played) -> str:
+@each_row(("path", "until_ms", "stuck"), [("uart_i.state", 400, True), ("switches_i.baud", 400, False)])
+def test_a_reply_at_another_rate_is_no_stuck_driver(path, until_ms, stuck):
+    """At 300 bit/s eight characters take 0.3 s, but the longest frames no more than 2.6 s."""
+    ms = LINE.clk_hz / 1000
+    for until, expected in ((until_ms, stuck), (3000, True)):
+        reply = burst(LINE, CONFIRMED, 50 * ms)
+        reply.fall = int(until * ms)
+        played = Played(heard(COMMAND, 40 * ms), [], [reply], [], reply.fall, [])
+        assert (class_of(played, path) == FORBIDDEN[-1]) == expected
+
+
+def class_of(played: Played, path: str = "somewhere") -> str:
     player = SimpleNamespace(line=LINE, resets=0, reset_from=NEVER)
-    return classify(Flip(0, "somewhere", 0, 0, "card"), played, Verdict(), player, set()).what
+    return classify(Flip(0, path, 0, 0, "card"), played, Verdict(), player, set()).what
 
 
 @each_row("what", [FORBIDDEN[0], FORBIDDEN[-1], DISTURBED])

@@ -346,7 +346,10 @@ def classify(flip: Flip, played: Played, verdict: Verdict, player: FlipPlayer, l
     clk = player.line.clk_hz
     answered = bool(played.replies) and played.replies[-1].rise > played.network[-1].end
     what, why = telegrams(flip, played, player.line, player.reset_from)
-    lines = ((played.replies, player.line), (played.telegrams, drive_line(clk)))
+    # A flip of the switches' copy is another rate until the next reset; a reply takes the time of that rate.
+    slow = flip.path.startswith("switches_i.baud")
+    network = LineFormat(min(BAUDS), FORMS[min(BAUDS)], clk) if slow else player.line
+    lines = ((played.replies, network), (played.telegrams, drive_line(clk)))
     stuck = [b for bursts, line in lines for b in bursts if b.fall - b.rise > longest(line)]
     if stuck and what not in FORBIDDEN:
         what, why = "driver stuck", f"for {(stuck[0].fall - stuck[0].rise) / clk:.3f} s"

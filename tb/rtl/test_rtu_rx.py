@@ -219,6 +219,10 @@ async def frames_of_every_length_show_their_length_and_first_32_bytes(dut):
         assert rx.candidates.values == [(length % 256, 0)], f"{length} bytes"
         assert rx.outcome() == (1, 1, 0)
         assert rx.stored(min(length, 32)) == frame[:32], f"{length} bytes"
+    for length in (257, 300):  # too long (FRAME-5), whatever its CRC says
+        rx.clear()
+        await rx.frame(rtu.build(OWN, rng.randbytes(length - 3)))
+        assert rx.outcome() == (0, 0, 0), f"{length} bytes"
 
 
 @cocotb.test()
