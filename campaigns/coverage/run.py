@@ -237,7 +237,8 @@ def main(arguments: list[str] | None = None) -> int:
     said = [f"{shown(module.counters[kind] for module in found.values())[0]} {kind}" for kind in kinds]
     text = page(found, gaps, reasons, len(files))
     of = fingerprint.now("standard card", "tiny card", "firmware")
-    publish("coverage", text, "make coverage-rtl", of, f"Taken: {', '.join(said)}.")
+    if not wrong:
+        publish("coverage", text, "make coverage-rtl", of, f"Taken: {', '.join(said)}.")
     for line in wrong:
         print(f"coverage-rtl: {line}")
     return 1 if wrong else 0
