@@ -10,8 +10,6 @@ from cocotb_tools.runner import get_results, get_runner
 from cocotbext.rtu import fc_slave
 from cocotbext.rtu.uart import Flaws, Format, waveform
 
-from tb.lib.rows import each_row
-
 HERE = Path(__file__).parent
 DATA = b"\x00\xff\x55\xaa\x01\x80\x7e"
 BUILD_ARGS = {"icarus": [], "verilator": ["-Wno-fatal", "--no-timing"]}
@@ -46,7 +44,7 @@ def test_jitter_moves_each_edge_within_its_limit_and_repeats_by_its_seed():
     assert 0.1 < max(places) - min(places) <= 0.2
 
 
-@each_row("fault", fc_slave.FAULTS)
+@pytest.mark.parametrize("fault", fc_slave.FAULTS)
 def test_each_fault_of_the_drive_differs_from_a_good_reply(fault):
     """In its bytes or in its line, and every two faults from each other."""
     telegram, reply = bytes.fromhex("02 06 81 04 3C 00 00 BD"), bytes.fromhex("02 06 81 0F 03 20 00 A9")

@@ -12,8 +12,6 @@ from cocotbext.rtu.edges import Limits, Trace, judge, measure
 from cocotbext.rtu.rs485 import Pulse
 from cocotbext.rtu.uart import Format
 
-from tb.lib.rows import each_row
-
 DATA = b"\x55\x0f\x33"
 START_PS = 5_000_000_000
 LINES = [
@@ -66,7 +64,7 @@ def pulse(trace: Trace, lead: float, lag: float | None) -> list[Pulse]:
     return [Pulse(round(first - lead * bit), None if lag is None else round(last + lag * bit))]
 
 
-@each_row(("baud", "form", "t15", "t35"), LINES)
+@pytest.mark.parametrize(("baud", "form", "t15", "t35"), LINES)
 def test_a_good_frame_has_no_fault(baud, form, t15, t35):
     trace = drawn(Format.named(baud, form))
     assert bytes(c.byte for c in trace.characters) == DATA
@@ -74,14 +72,14 @@ def test_a_good_frame_has_no_fault(baud, form, t15, t35):
     assert faults(trace, request_end_ps=request_end, pulses=pulse(trace, 0.5, 0.5)) == []
 
 
-@each_row(("part", "found"), [(0.009, 0), (0.011, 1), (-0.009, 0), (-0.011, 1)])
+@pytest.mark.parametrize(("part", "found"), [(0.009, 0), (0.011, 1), (-0.009, 0), (-0.011, 1)])
 def test_the_rate_may_be_off_by_one_percent(part, found):
     trace = drawn(Format(), slow=dict.fromkeys(range(3), part))
     assert measure(trace, trace.frame()).rate == pytest.approx(part, abs=0.0002)
     assert len(faults(trace)) == found and all("rate off by" in text for text in faults(trace))
 
 
-@each_row("place", range(3))
+@pytest.mark.parametrize("place", range(3))
 def test_the_rate_is_that_of_all_characters(place):
     """One character in three is off: by 2 %, which all three together are not, and by 5 %."""
     within, beyond = (drawn(Format(), slow={place: part}) for part in (0.02, 0.05))
@@ -90,7 +88,7 @@ def test_the_rate_is_that_of_all_characters(place):
     assert len(faults(beyond, limits=Limits(edge_bits=None))) == 1
 
 
-@each_row("place", range(3))
+@pytest.mark.parametrize("place", range(3))
 def test_an_edge_is_judged_in_every_character(place):
     within, beyond = (drawn(Format(), b"\x55" * 3, moved={place: bits}) for bits in (0.22, 0.28))
     limits = Limits(rate=None)
@@ -99,8 +97,8 @@ def test_an_edge_is_judged_in_every_character(place):
     assert faults(beyond, limits=limits) == ["an edge 0.28 bits off its place, limit 0.25"]
 
 
-@each_row(("baud", "form", "t15", "t35"), LINES)
-@each_row("place", [1, 2])
+@pytest.mark.parametrize(("baud", "form", "t15", "t35"), LINES)
+@pytest.mark.parametrize("place", [1, 2])
 def test_a_gap_may_last_one_and_a_half_characters(baud, form, t15, t35, place):
     fmt = Format.named(baud, form)
     assert faults(drawn(fmt, gaps={place: t15 - 0.2})) == []
@@ -108,7 +106,7 @@ def test_a_gap_may_last_one_and_a_half_characters(baud, form, t15, t35, place):
     assert found == [f"a gap of {t15 + 0.2:.1f} bits inside the frame, limit {t15:.1f}"]
 
 
-@each_row(("baud", "form", "t15", "t35"), LINES)
+@pytest.mark.parametrize(("baud", "form", "t15", "t35"), LINES)
 def test_a_reply_starts_three_and_a_half_characters_after_its_request(baud, form, t15, t35):
     trace = drawn(Format.named(baud, form))
 
@@ -121,7 +119,7 @@ def test_a_reply_starts_three_and_a_half_characters_after_its_request(baud, form
     assert found(t35 - 4.9, early_bits=5.0) == [] and len(found(t35 - 5.1, early_bits=5.0)) == 1
 
 
-@each_row(
+@pytest.mark.parametrize(
     ("lag", "found"),
     [
         (0.95, []),
@@ -134,13 +132,13 @@ def test_a_reply_starts_three_and_a_half_characters_after_its_request(baud, form
         (None, ["DE is still high"]),
     ],
 )
-@each_row("form", ["8E1", "8N2"])
+@pytest.mark.parametrize("form", ["8E1", "8N2"])
 def test_de_falls_with_the_last_stop_bit(lag, found, form):
     trace = drawn(Format.named(9600, form))
     assert faults(trace, pulses=pulse(trace, 0.5, lag)) == found
 
 
-@each_row("limit", [0.5, 2.0])
+@pytest.mark.parametrize("limit", [0.5, 2.0])
 def test_the_limits_of_de_are_those_that_were_given(limit):
     trace = drawn(Format())
     limits = Limits(de_lead_bits=limit, de_lag_bits=limit, de_cut_bits=limit)
