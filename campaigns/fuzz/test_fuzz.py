@@ -91,7 +91,7 @@ def after_the_judge(case: dict) -> tuple[Played, Callable[[Played], list[str]]]:
 
 
 @pytest.mark.rule("SAFE-1", "SAFE-3", "FC-9")
-@pytest.mark.parametrize("name", ["4711/93", pytest.param("4711/142", marks=pytest.mark.nightly)])
+@pytest.mark.parametrize("name", ["4711/93", pytest.param("4711/125", marks=pytest.mark.nightly)])
 def test_unrequested_commands_and_missing_answers_are_found_after_the_judge(name):
     """Cases with writes of coils, as in most random cases."""
     case = make(name)
