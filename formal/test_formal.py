@@ -11,7 +11,7 @@ import pytest
 
 from formal import pins as formal_pins
 from formal import prove as formal
-from rtl.sources import ROOT
+from rtl.sources import ROOT, bench_file
 from tb.lib.nightly import first
 from tb.lib.planted import bugs
 
@@ -38,11 +38,9 @@ RULES = {
     "supervisor": ["WDG-1", "LED-5", "LOOP-1"],
     "uart": ["LINE-1", "LINE-3", "LINE-5", "FRAME-4", "FC-1"],
 }
-# `make test` proves what decides that something leaves; `make formal`, CI and `make nightly` prove all.
-# The modules of the other rows have no bench of their own: their proof tests them.
-DECIDING = ("commit_gate", "soft_core", "bcc")
-DECIDING += ("bus_arbiter", "fc_rx", "fc_tx", "guarded_bit", "mailbox_regs", "master_loss", "rs485_dir")
-DECIDING += ("silence_timer", "supervisor")
+# `make test` proves what decides that something leaves, and each module without a bench of its own, which its
+# proof tests. `make formal`, CI and `make nightly` prove all.
+DECIDING = ("commit_gate", "soft_core")
 TASKS = [task for module in formal.known() for task in formal.tasks_of(module)]
 
 
@@ -51,7 +49,8 @@ def name_of(task: formal.Task) -> str:
 
 
 def marks(module: str) -> list[pytest.MarkDecorator]:
-    return [pytest.mark.rule(*RULES[module]), *([] if module in DECIDING else [pytest.mark.nightly])]
+    by_day = module in DECIDING or not bench_file(module)
+    return [pytest.mark.rule(*RULES[module]), *([] if by_day else [pytest.mark.nightly])]
 
 
 @pytest.mark.parametrize(

@@ -9,6 +9,7 @@ from __future__ import annotations
 import argparse
 import contextlib
 import os
+import select
 import signal
 import sys
 import threading
@@ -46,10 +47,12 @@ def run_main(name: str, main: Callable[[], int | None], *errors: type[Exception]
         sys.exit()
     try:
         sys.exit(main())
-    except BrokenPipeError:
-        stop_printing()
-        sys.exit(0)
-    except errors as error:
+    except (BrokenPipeError, *errors) as error:
+        if isinstance(error, BrokenPipeError) and reader_has_gone():
+            stop_printing()
+            sys.exit(0)
+        if not isinstance(error, errors):
+            raise
         print(f"{name}: {error}", file=sys.stderr)
         sys.exit(2)
     except KeyboardInterrupt:
@@ -124,6 +127,13 @@ def interrupt_children() -> None:
     for pid in pids:
         with contextlib.suppress(ProcessLookupError):
             os.kill(int(pid), signal.SIGINT)
+
+
+def reader_has_gone() -> bool:
+    """Whether the output is a pipe without a reader. A pipe to a program that was started may break, too."""
+    output = select.poll()
+    output.register(sys.__stdout__.fileno(), 0)
+    return any(events & select.POLLERR for _, events in output.poll(0))
 
 
 def stop_printing() -> None:

@@ -7,7 +7,7 @@
 docs/evidence.json has the figures that other pages show, with the fingerprints of what was measured
 (campaigns/bench/fingerprint.py). A report of this card, firmware and judge is not measured again, so a run
 that was stopped goes on. Seeds follow from the fingerprint of the card: another card meets other cases. Exit
-1: a command failed; its report stays as it was, and the others are made.
+1: a command failed, or a campaign found something; the other commands are run all the same.
 """
 
 from __future__ import annotations
@@ -80,19 +80,19 @@ def check(only: str | None = None) -> int:
     return int(any(name in wrong for name in asked))
 
 
-def renew(name: str) -> str:
-    """Runs the commands of one report; the one that failed, or nothing."""
-    seed = int(fingerprint.card()[:6], 16)
+def renew(name: str) -> list[str]:
+    """Runs the commands of one report; those that failed. A page also shows what a campaign found."""
+    seed, failed = int(fingerprint.card()[:6], 16), []
     for command in REPORTS[name]:
         target = command.format(seed=seed)
         print(f"evidence: {name}: make {target}", flush=True)
-        command = ["make", "--no-print-directory", *target.split()]
-        done = subprocess.run(command, cwd=ROOT, env=own_environment(), check=False)
+        made = ["make", "--no-print-directory", *target.split()]
+        done = subprocess.run(made, cwd=ROOT, env=own_environment(), check=False)
         if done.returncode < 0 or done.returncode == 130:
             raise KeyboardInterrupt
         if done.returncode:
-            return f"make {target}: exit code {done.returncode}"
-    return ""
+            failed.append(f"{name}: make {target}: exit code {done.returncode}")
+    return failed
 
 
 def main() -> int:
@@ -111,14 +111,14 @@ def main() -> int:
             flush=True,
         )
         at = time.monotonic()
-        if trouble := renew(name):
-            failed.append(f"{name}: {trouble}")
+        failed += renew(name)
         took[name] = time.monotonic() - at
     for name, seconds in took.items():
         print(f"evidence: {name}: {seconds / 60:.1f} min")
-    print(
-        f"evidence: {len(wanted) - len(failed)} reports renewed in {(time.monotonic() - began) / 60:.0f} min"
-    )
+    left = older()
+    renewed = sum(name not in left for name in wanted)
+    minutes = (time.monotonic() - began) / 60
+    print(f"evidence: {renewed} of {len(wanted)} reports renewed in {minutes:.0f} min")
     for trouble in failed:
         print(f"evidence: failed: {trouble}")
     return int(bool(failed))

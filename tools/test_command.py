@@ -116,6 +116,29 @@ run_main("trace", trace.collect)"""
     assert stopped("-c", program, begun="begun") == (130, "trace: stopped\n")
 
 
+PIPES = """import subprocess, sys
+from rtl.command import run_main
+def printing():
+    for number in range(100000):
+        print(number)
+def feeding():
+    card = subprocess.Popen(["true"], stdin=subprocess.PIPE)
+    card.wait()
+    card.stdin.write(b"state" * 100000)
+run_main("pipes", {"printing": printing, "feeding": feeding}[sys.argv[1]])
+"""
+
+
+@pytest.mark.parametrize(("what", "code"), [("printing", 0), ("feeding", 1)])
+def test_a_reader_that_stops_is_no_error_and_a_program_that_ended_is_one(what, code):
+    command = [sys.executable, "-c", PIPES, what]
+    with subprocess.Popen(command, cwd=ROOT, stdout=subprocess.PIPE, stderr=subprocess.PIPE) as started:
+        started.stdout.readline()
+        started.stdout.close()
+        assert started.wait(20) == code
+        assert (b"BrokenPipeError" in started.stderr.read()) == bool(code)
+
+
 def test_every_command_has_its_version():
     """By run_main, which is in every command; `rtu2fc` has its own end."""
     number = (ROOT / "VERSION").read_text().strip()

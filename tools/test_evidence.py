@@ -57,7 +57,9 @@ def test_without_its_page_a_report_has_its_figures_and_names_its_command(written
 @pytest.fixture
 def two_reports(written, monkeypatch) -> None:
     """One of the standard card, one of both, and one that nothing makes any more."""
-    monkeypatch.setattr(tool, "REPORTS", {"one": ("make-one COUNT=2 SEED={seed}",), "two": ("make-two",)})
+    monkeypatch.setattr(
+        tool, "REPORTS", {"one": ("make-one COUNT=2 SEED={seed}", "one PAGE=yes"), "two": ("make-two",)}
+    )
     for name in ("one", "two", "gone"):
         subjects = ("standard card", "tiny card") if name == "two" else ("standard card",)
         report_page.record(name, "", f"make {name}", fingerprint.now(*subjects), "", {})
@@ -86,7 +88,7 @@ def test_only_what_is_of_another_card_is_measured_again(two_reports, monkeypatch
     assert set(report_page.evidence()) == {"one", "two"}
     monkeypatch.setitem(fingerprint.SUBJECTS, "standard card", lambda: "another")
     assert tool.main() == 1
-    assert [command[0] for command in ran] == ["make-one", "make-two"], "a failure stops no other report"
+    assert [command[0] for command in ran] == ["make-one", "one", "make-two"], "a failure stops nothing else"
     assert ran[0][1] == "COUNT=2" and ran[0][2].startswith("SEED=")
     assert "evidence: failed: two: make make-two: exit code 2" in capsys.readouterr().out
 

@@ -3,8 +3,6 @@
 
 from __future__ import annotations
 
-import os
-import re
 import subprocess
 import sys
 from dataclasses import dataclass
@@ -12,6 +10,7 @@ from pathlib import Path
 
 import pytest
 
+from rtl.command import own_environment
 from rtl.sources import ROOT
 from sw.tools.bin2hex import without_parity
 from tb.firmware.test_firmware_gateway import (
@@ -35,9 +34,8 @@ STACK = 160
 
 def images() -> list[str]:
     command = ["make", "-s", "-f", "sw/firmware.mk", f"FIRMWARE_PYTHON={sys.executable}", "firmware-images"]
-    clean = {name: value for name, value in os.environ.items() if not re.match(r"MAKE|MFLAGS", name)}
     return subprocess.run(
-        command, cwd=ROOT, env=clean, capture_output=True, text=True, check=True
+        command, cwd=ROOT, env=own_environment(), capture_output=True, text=True, check=True
     ).stdout.split()
 
 
