@@ -242,7 +242,7 @@ class Campaign:
         sources = changes(config)
         for case, row in self._outcomes(given, left, of):
             if changes(config) != sources:
-                raise EngineError("a source or an image has changed during the run; run it again")
+                raise EngineError("the card or an image has changed during the run: run the command again")
             store.keep(self.name, of, config, case, row)
             known[case] = row
             if text := self.wrong(row):
@@ -275,7 +275,9 @@ class Campaign:
                         flush=True,
                     )
         except BrokenProcessPool as error:
-            raise EngineError("a process ended; what is done is kept, run it again") from error
+            raise EngineError(
+                "a worker process ended. Finished cases are kept: run the command again"
+            ) from error
 
     # ------------------------------------------------------------ the page
 

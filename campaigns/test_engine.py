@@ -185,7 +185,7 @@ def test_an_image_that_changes_during_a_run_ends_it(squares, tmp_path, monkeypat
     monkeypatch.setattr(engine, "changes", lambda config: [len(CAMPAIGN.made)])
     with pytest.raises(EngineError, match="has changed during the run"):
         squares()
-    assert not rows(tmp_path / "results.sqlite"), "what the other image did is not kept"
+    assert not rows(tmp_path / "results.sqlite"), "a result of the other image is not kept"
 
 
 def ends(case: str) -> tuple[str, str, Row]:
@@ -198,7 +198,7 @@ def test_a_process_that_ends_is_told_in_one_line(squares, monkeypatch):
         raise engine.BrokenProcessPool
 
     monkeypatch.setattr(engine, "in_processes", killed)
-    with pytest.raises(EngineError, match="what is done is kept, run it again"):
+    with pytest.raises(EngineError, match="Finished cases are kept"):
         squares()
 
 

@@ -108,7 +108,7 @@ def test_a_board_says_all_that_it_is(name):
 
 
 # Typed from the boards' and parts' documents: order number, oscillator in Hz, look-up tables of four inputs,
-# block RAMs; then what the card is told: SOFT_CORE, LOCKSTEP, MEMORY_BYTES. All else is as in rtl/rtu2fc.v.
+# block RAMs; then the parameters SOFT_CORE, LOCKSTEP and MEMORY_BYTES. The others are as in rtl/rtu2fc.v.
 # The clock of card-xo2-1200 is the one at which the small card keeps its times.
 FACTS = {
     "card-xo2-1200": ("LCMXO2-1200HC-4TG144I", 34_368_000, 1280, 7, 1, 0, 6144),

@@ -31,7 +31,6 @@ from fontTools.agl import UV2AGL
 from fontTools.ttLib import TTFont
 from wavedrom.waveform import WaveDrom
 
-from campaigns.plots import for_dark_pages
 from regs.generated.card_tables import CHARACTER_BITS
 from rtl.command import run_main
 from rtl.sources import ROOT
@@ -45,6 +44,8 @@ from tb.model import fc_telegram
 from tb.model.vlt_drive import VltDrive
 
 DIAGRAMS = ROOT / "build/diagrams"
+# A white picture glares on a dark page. `svg:root` leaves the page alone into which a picture is copied.
+DARK = "@media(prefers-color-scheme:dark){svg:root{filter:invert(.9) hue-rotate(180deg)}}"
 LINE = Format.named(9600, "8E1")
 BIT = LINE.bit_ps
 LOOPBACK = "111001111"
@@ -297,6 +298,12 @@ def svg(drawing: Drawing) -> str:
     root.insert(0, ground)
     ElementTree.indent(root, " ")
     return for_dark_pages(ElementTree.tostring(root, encoding="unicode")) + "\n"
+
+
+def for_dark_pages(picture: str) -> str:
+    """With the style for them; a path is one line."""
+    picture = re.sub(r' d="[^"]*"', lambda found: found[0].replace(" \n", " ").replace("\n", ""), picture)
+    return re.sub(r"<style[^>]*>", lambda found: found[0] + DARK, picture, count=1)
 
 
 # ---------------------------------------------------------------- reading a recording

@@ -23,7 +23,7 @@ from rtl.command import Parser, own_environment, run_main
 from rtl.report_page import evidence, forget
 from rtl.sources import ROOT
 
-# What `make` is told for each report, the long ones first. The sizes are for 2 hours on two cores.
+# The targets of `make` that renew each report, the long ones first: 2 hours on two cores, as planned.
 REPORTS = {
     "results": ("bench",),
     "synthesis": ("synth",),

@@ -2,8 +2,7 @@
 # needs: bench-card bench-tiny card drive | setup-test
 """Measures turnaround on the card's pins and writes build/reports/results.md (60 min); `make bench`.
 
-    python -m campaigns.bench.run [--seed N] [--jobs N]     everything: writes build/reports/results.md and
-    docs/pictures/latency.svg
+    python -m campaigns.bench.run [--seed N] [--jobs N]     everything: writes build/reports/results.md
     python -m campaigns.bench.run --fast                    the part in `make test`: prints, writes nothing
     python -m campaigns.bench.run --only KIND               repeats one kind, keeps the rest of the last run
     python -m campaigns.bench.run --report                  rewrites the report from the last whole run
@@ -100,9 +99,6 @@ def measure_firmware(results: Results) -> None:
 
 
 def write(results: Results) -> None:
-    from campaigns.bench import pictures as bench_pictures  # delays the slow import of matplotlib
-
-    bench_pictures.draw(results)
     publish("results", document(results), "make bench", of_report(results.fingerprint), keep=REPORT_TABLES)
 
 
