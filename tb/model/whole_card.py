@@ -657,7 +657,9 @@ class LineJudge:
     def _accepted(self, exchange: Exchange, at: float) -> bool:
         """Whether the card took a reply near the end of the wait: both are allowed, its next action tells."""
         asker = exchange.request
-        if asker is self.newest and asker.dropped is None:
+        # A write that was given up on a busy line keeps its turn, but its master gets nothing more.
+        awaited = not asker.answered and not asker.answers
+        if asker is self.newest and asker.dropped is None and awaited:
             # Accepted: an immediate reply to the master, or a text telegram. Not accepted: a repeat, or the
             # reply that the drive is silent. That reply looks the same for fault 255, but comes later.
             again = [b.data for b in self.telegrams if at < b.rise < self._starts_by(at + self.budget)]
