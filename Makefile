@@ -94,7 +94,7 @@ DESCRIBED = /^""".*; `make [a-z-]+`\.("""|$$)/
 #:   PORT=device   of a real card's adapter; UNIT=, BAUD=, FORMAT=, DIALECT= as the card is set; DRIVE=yes: a drive is
 #:                 connected; BOOT=yes, ROW=text, START=percent: docs/guide/bring-up.md (selftest)
 #:   EXTENDED_SWITCHES=1   38400 and 115200 bit/s and 8N1 (card); BOARD=name-extended likewise (synth, image, release)
-#:   CARD_ARGS=..., BENCH_ARGS=...   more options of build/card (run), of campaigns.bench.run (bench)
+#:   CARD_ARGS=...   more options of build/card (run); ONLY=kind, FAST=yes: a part (bench)
 #:   DRAFT=1       a development build: files named -draft; BOARD=name: with this board alone; CHECK=1: build again
 #:                 and compare; TAG=v1.2.3: refused unless it is that of VERSION (release)
 #:   CHANNEL=name, INVERT=yes   the drive line's (telegrams); TELEGRAMS_ARGS=...   more options of rtu2fc decode
@@ -175,9 +175,6 @@ bench-card: firmware | setup-test ## the simulated card of the bench
 
 bench-tiny: firmware | setup-test ## the same of the small card
 	@$(RUN) sim.harness.library tiny
-
-bench-fast: bench-card drive | setup-test ## the part of the bench that `make test` runs
-	@$(RUN) campaigns.bench.run --fast $(BENCH_ARGS)
 
 evidence: | setup-test ## * renew every measured page that is of another card (2 h; ONLY=report; CHECK=1: only name them)
 	@$(RUN) tools.evidence $(if $(CHECK),--check) $(if $(ONLY),--only "$(ONLY)")

@@ -304,6 +304,18 @@ class Campaign:
             )
         return cards
 
+    def whole_run(self, card: Namespace, **options: object) -> tuple[str, dict[str, Row]]:
+        """A seed, and the rows of all its cases. What was missed once stays."""
+        runs = {}
+        for seed in {case.split("/")[0] for case in card.rows}:
+            asked = self.cases(Namespace(seed=int(seed), config=card.config, **options))
+            if card.rows.keys() >= set(asked):
+                runs[seed] = {case: card.rows[case] for case in asked}
+        if not runs:
+            command = f"make {self.name} CONFIG={card.config}"
+            raise EngineError(f"no whole run of the {card.config} card as it is now; run `{command}`")
+        return max(runs.items(), key=lambda run: sum(bool(self.wrong(row)) for row in run[1].values()))
+
     def context(self, store: Store) -> dict[str, Any]:
         """What the template of the page takes beside `sources`, `judge` and `sure`."""
         return {"cards": self.found(store)}

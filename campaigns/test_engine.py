@@ -19,6 +19,10 @@ from types import SimpleNamespace
 import pytest
 
 from campaigns import engine
+from campaigns.bench import judge, work
+from campaigns.bench.conformance import ROWS
+from campaigns.bench.run import CAMPAIGN as BENCH
+from campaigns.bench.run import pieces
 from campaigns.engine import Campaign, EngineError, Row, Store, total
 from campaigns.flips import run as flips_run
 from campaigns.flips.run import CAMPAIGN as FLIPS
@@ -259,7 +263,12 @@ def mismatch(*about: object) -> Result:
     return Result([], [f"{about[-1]}: mismatch"], 1, Counter(), 1.0, 1.0, "9600 bit/s 8E1")
 
 
+def slow(piece: work.Piece) -> judge.Outcome:
+    return judge.Outcome(faults=[f"{piece.build.config}: 2 bits after t3.5"])
+
+
 FAULTS = {
+    BENCH: (work.Piece, "run", slow),
     STARTS: (starts_run.starts, "start", silent),
     IMPATIENT: (impatient, "play", not_told),
     FUZZ: (fuzz_run, "row_of", late),
@@ -279,7 +288,8 @@ def test_a_fault_is_seen_kept_and_told(tmp_path, monkeypatch, capsys, campaign):
     play = functools.partial(done, campaign)
     monkeypatch.setattr(engine, "in_processes", lambda jobs, task, cases: map(play, cases))
     store = f"--store={tmp_path / 'store'}"
-    monkeypatch.setattr(sys, "argv", [campaign.name, "--config=tiny", "--count=1", "--seed=1", store])
+    count = ["--count=1"] if campaign.count else []
+    monkeypatch.setattr(sys, "argv", [campaign.name, "--config=tiny", *count, "--seed=1", store])
     for _ in range(2):
         assert campaign.main() == 1
         assert "tiny" in capsys.readouterr().out.splitlines()[-1], "the card that was named"
@@ -294,6 +304,7 @@ def test_results_are_of_one_card_one_image_and_one_judge(monkeypatch, campaign):
     now = {name: name for name in ("card", "firmware", "judge")}
     for name in now:
         monkeypatch.setattr(engine.fingerprint, name, lambda *about, name=name: f"{now[name]} {about}")
+    monkeypatch.setattr(engine.fingerprint, "bench", lambda: now["judge"])
     monkeypatch.setattr(engine.host, "fingerprint", lambda: now.setdefault("sources", "sources"))
     before = campaign.of("standard")
     assert before != campaign.of("tiny")
@@ -301,7 +312,7 @@ def test_results_are_of_one_card_one_image_and_one_judge(monkeypatch, campaign):
         was, now[name] = now[name], "another"
         assert campaign.of("standard") != before, name
         now[name] = was
-    assert campaign.every_dialect == (campaign not in (STARTS, FLIPS)), "they run the image `card` alone"
+    assert campaign.every_dialect == (campaign not in (BENCH, STARTS, FLIPS)), "the image `card` alone"
 
 
 # ---------------------------------------------------------------- the pages
@@ -317,7 +328,21 @@ def limits(name: str) -> Row:
     return {"limits": [{"quantity": what, "found": found, **where} for what, found in spans.items()]}
 
 
+def measured(piece: work.Piece) -> Row:
+    """Of one piece of the bench: a request, and one of the small card that was answered too late."""
+    late = 1.25 if piece.name == "tiny-gate-9600-8E1" else 0.5
+    sample = judge.Sample("read 16 coils", piece.baud, piece.form, local=late, total=0.02, decode_clocks=900)
+    sample.floor_parts, sample.after_t35, sample.de_lead = {"request": 0.02}, [late], {"modbus": [0.5]}
+    outcome = judge.Outcome(rows=dict.fromkeys(ROWS, "answered"))
+    outcome.add(sample, "here")
+    if piece.kind == "random":
+        outcome.became["answered"] += 1
+        outcome.drive_did["first at once"] += 1
+    return outcome.row()
+
+
 RESULTS = (
+    (BENCH, {f"7/{name}": measured(piece) for name, piece in pieces(7).items()}),
     (FUZZ, {"7/0": FRAMES, "8/0": FRAMES | {"differences": [{"case": "8/0", "what": ["no reply"]}]}}),
     (IMPATIENT, {"9/0": {"wrong": "", "asked": 3, "restless": 1}}),
     (FLIPS, {"9600/1/0/25": FLIPPED}),
@@ -335,8 +360,9 @@ def kept(tmp_path, monkeypatch) -> Store:
     store = Store(tmp_path / "store")
     for campaign, found in RESULTS:
         for config in ("standard", "tiny"):
+            of = campaign.of(config)
             for case, row in found.items():
-                store.keep(campaign.name, campaign.of(config), config, case, row)
+                store.keep(campaign.name, of, config, case, row)
     for bug in BUGS:
         what = [] if bug.name == "wrong-order" else ["no reply"]
         row = {"frames": 12345, "what": what}
@@ -347,6 +373,9 @@ def kept(tmp_path, monkeypatch) -> Store:
 @each_row(
     ("campaign", "said"),
     [
+        (BENCH, "| local request: reply's first bit after t3.5 | ≤ 1 bit of the line | 0.50 | met |"),
+        (BENCH, "- tiny: here: reply 1.250 bits after t3.5 (PERF-1)"),
+        (BENCH, "| at once | yes | 120 | - |"),
         (
             FUZZ,
             "44 frames of both cards judged to their end, each with the judge of its row: cases with a "

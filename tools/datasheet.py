@@ -45,7 +45,7 @@ SUITE = "conformance"  # page of the conformance suite
 SUITE_CARDS = ("standard card", "tiny card")
 # Reports whose figures are printed, and the commands that write them.
 COMMANDS = {
-    "results": "make bench",
+    "bench": "make bench",
     "line-quality": "make line-quality",
     "synthesis": "make synth",
     SUITE: "make conformance",
@@ -248,7 +248,7 @@ def blocks() -> str:
 
 
 def target_rows() -> str:
-    found = table("results", "The targets")
+    found = table("bench", "The targets")
     rows = []
     for begin, words in TARGETS.items():
         _, target, worst, verdict, of = found.row(begin)
@@ -279,7 +279,7 @@ def resources() -> tuple[str, str]:
 
 
 def conformance() -> str:
-    found = table("results", "Conformance")
+    found = table("bench", "Conformance")
     kept = [0, found.column("**rtu2fc 8E1**"), found.column("as the specification")]
     return as_html(
         ["", "rtu2fc 8E1", "specification"], ([found.row(begin)[n] for n in kept] for begin in RULES), own=1
@@ -309,9 +309,9 @@ COMMERCIAL = {
 
 def commercial(facts: dict) -> str:
     """This card's row from the reports, the others by their documents."""
-    conform, line = table("results", "Conformance"), table("line-quality", "")
+    conform, line = table("bench", "Conformance"), table("line-quality", "")
     own = conform.column("**rtu2fc 8E1**")
-    worst = table("results", "The targets").row("local request")[2]
+    worst = table("bench", "The targets").row("local request")[2]
     rows = [
         [
             "**rtu2fc**",
@@ -326,7 +326,7 @@ def commercial(facts: dict) -> str:
             [entry["name"], entry["document"], *(entry.get(key, "not published") for key in COMMERCIAL)]
         )
         rows[-1].append("not published")
-    rows[0].append(table("results", "The targets").row("conformance rows")[4])
+    rows[0].append(table("bench", "The targets").row("conformance rows")[4])
     return as_html(["product", "source", *COMMERCIAL.values(), "conformance test"], rows)
 
 
@@ -383,9 +383,9 @@ def page() -> str:
     """The data sheet as one HTML file without links to others."""
     facts = tomllib.loads(FACTS.read_text())
     resource_table, design = resources()
-    turnaround, line = table("results", "Turnaround, rate by rate"), table("line-quality", "")
+    turnaround, line = table("bench", "Turnaround, rate by rate"), table("line-quality", "")
     rates = sorted({rate.baud for rate in RATES.values()})
-    measured = "`, firmware `".join(of("results", subject) for subject in ("standard card", "firmware"))
+    measured = "`, firmware `".join(of("bench", subject) for subject in ("standard card", "firmware"))
     content = {
         "version": VERSION.read_text().strip(),
         "card": fingerprint.card(),

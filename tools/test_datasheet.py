@@ -45,8 +45,8 @@ def test_everything_is_named():
 @pytest.mark.parametrize(
     ("report", "heading", "row"),
     [
-        ("results", "The targets", "local request"),
-        ("results", "Turnaround, rate by rate", "19200"),
+        ("bench", "The targets", "local request"),
+        ("bench", "Turnaround, rate by rate", "19200"),
         ("synthesis", "", "`icebreaker`"),
         ("line-quality", "", "sender slow"),
     ],

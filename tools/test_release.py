@@ -80,8 +80,8 @@ def started(monkeypatch, *words: str) -> int:
     ("change", "line"),
     [
         (
-            lambda patch: patch.setattr(evidence, "older", lambda: {"results": "standard card"}),
-            "figures are of an older card, and `make evidence` renews them: results",
+            lambda patch: patch.setattr(evidence, "older", lambda: {"bench": "standard card"}),
+            "figures are of an older card, and `make evidence` renews them: bench",
         ),
         (
             lambda patch: patch.setattr(release, "commit", lambda: ""),

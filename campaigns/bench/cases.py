@@ -289,7 +289,7 @@ def random_requests(
         outcome.became[_became(request, due, talk)] += 1
         for turn, exchange in zip(("first", "repeat"), talk.exchanges, strict=False):
             if not exchange.broadcast:
-                outcome.drive_did[exchange.answer.name, turn] += 1
+                outcome.drive_did[f"{turn} {exchange.answer.name}"] += 1
     outcome.stack_bytes = stack_used(bench, build)
     return outcome.finish(bench)
 

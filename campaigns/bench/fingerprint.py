@@ -9,7 +9,6 @@ Comments, docstrings and layout do not count: a rewording keeps results valid.
 from __future__ import annotations
 
 import ast
-import contextlib
 import functools
 import hashlib
 import json
@@ -118,14 +117,6 @@ def bench() -> str:
     code = [*HARNESS, *(path for path in drive if path.suffix != ".csv")]
     tables = [(path.name, path.read_text()) for path in drive if path.suffix == ".csv"]
     return _digest([*map(_python, python), *map(_code, code), *tables])
-
-
-def tree() -> dict[str, str]:
-    """Hashes of everything that `make bench` measures in this tree."""
-    found = {"card": card(), "firmware": firmware(), "bench": bench()}
-    with contextlib.suppress(SourcesError):
-        found |= {"tiny card": card("tiny"), "tiny firmware": firmware("tiny")}
-    return found
 
 
 # What a report may have been measured on or by, by the name in docs/evidence.json.

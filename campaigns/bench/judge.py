@@ -15,7 +15,8 @@ drive's delay and reply; then the reply. t3.5 is 38.5 bits, above 19200 bit/s 17
 from __future__ import annotations
 
 from collections import Counter
-from dataclasses import dataclass, field
+from dataclasses import asdict, dataclass, field
+from typing import Any
 
 from campaigns.bench.card import MARGIN_BITS, SHORTEST_DELAY_BITS, UNIT_ADDRESS, Bench, Talk
 from campaigns.bench.wave import BAUD_ERROR, GRAIN, Line
@@ -137,7 +138,16 @@ class Outcome:
     simulated_s: float = 0.0
     rows: dict[str, str] = field(default_factory=dict)
     became: Counter[str] = field(default_factory=Counter)  # outcomes of the requests
-    drive_did: Counter[tuple[str, str]] = field(default_factory=Counter)  # fault and its telegram
+    drive_did: Counter[str] = field(default_factory=Counter)  # "first" or "repeat", and the fault
+
+    def row(self) -> dict[str, Any]:
+        """For the store (campaigns/engine.py)."""
+        return {**vars(self), "samples": [asdict(sample) for sample in self.samples]}
+
+    @classmethod
+    def of(cls, row: dict[str, Any]) -> Outcome:
+        counts = {name: Counter(row[name]) for name in ("became", "drive_did")}
+        return cls(**row | counts | {"samples": [Sample(**each) for each in row["samples"]]})
 
     def add(self, sample: Sample, where: str) -> None:
         self.samples.append(sample)

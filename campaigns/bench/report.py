@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The bench's table and build/reports/results.md, from the results of campaigns/bench/run.py."""
+"""The tables of the bench, from the results of campaigns/bench/run.py."""
 
 from __future__ import annotations
 
@@ -7,7 +7,7 @@ import re
 import statistics
 from collections import Counter
 from collections.abc import Callable, Iterable
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 
 from campaigns.bench.card import Build
 from campaigns.bench.cases import CASES
@@ -23,10 +23,8 @@ from campaigns.bench.judge import (
     de_grain,
 )
 from campaigns.bench.traffic import REFUSED, UNFIT
-from campaigns.bench.wave import BAUDS, FORMAT_NAMES, Line
-from campaigns.bench.work import FORM, PHASES, PHASES_AT, Piece
-from rtl.sources import ROOT
-from sw.test import host
+from campaigns.bench.wave import BAUDS, Line
+from campaigns.bench.work import FORM, Piece
 from tb.lib import bound
 
 # Tables that go into docs/evidence.json.
@@ -36,8 +34,6 @@ REPORT_TABLES = (
     "Conformance",
     "Targets of the small card",
 )
-TEMPLATE = ROOT / "campaigns/bench/results.md.in"
-MEASURED_ON = "Measured on"
 LOCAL = tuple(name for name, case in CASES.items() if case.local)
 EXCHANGES = tuple(name for name, case in CASES.items() if not (case.local or case.to_all))
 SHOWN_BAUD = 19200
@@ -72,32 +68,7 @@ class CardResults:
         return max((outcome.stack_bytes for _, outcome in self.outcomes.values()), default=0)
 
     def faults(self) -> list[str]:
-        found = [
-            f"{self.config}: {fault}" for _, outcome in self.outcomes.values() for fault in outcome.faults
-        ]
-        if self.stack_seen > self.image.stack:
-            found.append(
-                f"{self.config}: {self.stack_seen} bytes of stack seen, {self.image.stack} by call graph"
-            )
-        return found
-
-
-@dataclass
-class Results:
-    """All data of a report."""
-
-    seed: int
-    fingerprint: dict[str, str]  # subject of the measurement, campaigns/bench/fingerprint.py
-    outcomes: dict[str, tuple[Piece, Outcome]] = field(default_factory=dict)
-    images: dict[str, Image] = field(default_factory=dict)  # by configuration
-
-    def card(self, config: str) -> CardResults:
-        mine = {name: item for name, item in self.outcomes.items() if item[0].build.config == config}
-        return CardResults(config, mine, self.images[config])
-
-    def faults(self) -> list[str]:
-        measured = {piece.build.config for piece, _ in self.outcomes.values()}
-        return [fault for config in sorted(measured) for fault in self.card(config).faults()]
+        return [fault for _, outcome in self.outcomes.values() for fault in outcome.faults]
 
 
 # ---------------------------------------------------------------- statistics
@@ -200,6 +171,8 @@ def summary(results: CardResults) -> str:
         (("conformance",), "conformance rows"),
     ):
         outcomes = [outcome for piece, outcome in results.outcomes.values() if piece.kind in kinds]
+        if not outcomes:
+            continue
         checks, faults = sum(o.checks for o in outcomes), sum(len(o.faults) for o in outcomes)
         # A zero bounds a rate only if the requests are random.
         at_most = f", at most {bound.words(faults, checks)} at {bound.SURE}" if kinds == ("random",) else ""
@@ -234,8 +207,8 @@ def transactions(results: CardResults) -> str:
                 row += [f"{1e3 * worst.floor:.3f}", f"{1e3 * worst.total:.3f}"]
             else:
                 row += ["-", "-"]
-        row.append(f"{max(values(samples(results, 'turnaround', case=name), 'ratio')):.4f}")
-        rows.append(row)
+        if ratios := values(samples(results, "turnaround", case=name), "ratio"):
+            rows.append([*row, f"{max(ratios):.4f}"])
     return rows_of(
         "transaction | floor 9600 | ours | floor 19200 | ours | floor 115200 | ours | "
         "worst ratio, all rates and formats",
@@ -243,13 +216,9 @@ def transactions(results: CardResults) -> str:
     )
 
 
-def table(results: Results) -> str:
+def printed(results: CardResults) -> str:
     """The tables that the command prints."""
-    parts = []
-    for config in sorted({piece.build.config for piece, _ in results.outcomes.values()}):
-        card = results.card(config)
-        parts += [f"\n{config} card", summary(card), by_rate(card), transactions(card), firmware(card)]
-    return "\n\n".join(parts) + "\n"
+    return "\n\n".join((summary(results), by_rate(results), transactions(results), firmware(results)))
 
 
 def firmware(results: CardResults) -> str:
@@ -339,9 +308,14 @@ def drive_table(results: CardResults) -> str:
     """Answers of the drive, and which of them the card had to accept."""
     did = counted(results, "drive_did")
     refused = {answer.name for answer in (*REFUSED, UNFIT)}
-    names = sorted({name for name, _ in did}, key=lambda name: (name in refused, name != "at once", name))
+    named = {key.split(" ", 1)[1] for key in did}
+    names = sorted(named, key=lambda name: (name in refused, name != "at once", name))
     rows = [
-        [name, "no" if name in refused else "yes", did[name, "first"] or "-", did[name, "repeat"] or "-"]
+        [
+            name,
+            "no" if name in refused else "yes",
+            *(did[f"{turn} {name}"] or "-" for turn in ("first", "repeat")),
+        ]
         for name in names
     ]
     return rows_of("the drive's answer | is a reply | to a telegram | to its repeat", rows)
@@ -361,10 +335,6 @@ The slowest request is ready at t3.5 from {slowest_clock_hz(results) / 1e6:.1f} 
 {sizes}
 
 Deepest path: {path} (`sw/tools/stack.py`)."""
-
-
-def measured_on(fingerprint: dict[str, str]) -> str:
-    return ", ".join(f"{name} `{digits}`" for name, digits in fingerprint.items())
 
 
 def conformance(results: CardResults) -> str:
@@ -410,38 +380,18 @@ SPECIFICATION = {
 }
 
 
-# ---------------------------------------------------------------- the document
-
-
-def document(results: Results) -> str:
-    """Fills TEMPLATE with numbers and tables."""
-    missed = results.faults()
-    content = {
-        "seed": results.seed,
-        "measured_on": f"{MEASURED_ON} {measured_on(results.fingerprint)}.\n"
-        f"Both images are of firmware sources `{host.fingerprint()}`.",
-        "formats": ", ".join(FORMAT_NAMES),
-        "form": FORM,
-        "phases": PHASES,
-        "phases_at": " and ".join(map(str, PHASES_AT)),
-        "missed": "".join(f"\n- {fault}" for fault in missed) + "\n" if missed else "",
+def tables(results: CardResults) -> dict[str, str]:
+    """What the template of the page takes of each card."""
+    return {
+        "mhz": f"{results.clk_hz / 1e6:g}",
+        "summary": summary(results),
+        "by_rate": by_rate(results),
+        "transactions": transactions(results),
+        "requests": str(len(samples(results, "random"))),
+        "outcomes": outcomes(results),
+        "drive": drive_table(results),
+        "conformance": conformance(results),
+        "firmware": firmware(results),
+        "budget": budget(results),
+        "image": image(results),
     }
-    for config in results.images:
-        card = results.card(config)
-        content |= {
-            f"{config}_{name}": text
-            for name, text in (
-                ("mhz", f"{card.clk_hz / 1e6:g}"),
-                ("summary", summary(card)),
-                ("by_rate", by_rate(card)),
-                ("transactions", transactions(card)),
-                ("requests", len(samples(card, "random"))),
-                ("outcomes", outcomes(card)),
-                ("drive", drive_table(card)),
-                ("conformance", conformance(card)),
-                ("firmware", firmware(card)),
-                ("budget", budget(card)),
-                ("image", image(card)),
-            )
-        }
-    return TEMPLATE.read_text().format(**content)

@@ -9,7 +9,6 @@ from __future__ import annotations
 
 import copy
 import os
-import pickle
 import re
 import subprocess
 from collections.abc import Callable
@@ -18,8 +17,6 @@ from pathlib import Path
 import pytest
 
 from campaigns.bench import fingerprint
-from campaigns.bench import report as bench_report
-from campaigns.bench import run as bench
 from campaigns.bench.card import EXTRA_SILENCE_BITS, UNIT_ADDRESS, Bench
 from campaigns.bench.cases import CASES, Model
 from campaigns.bench.conformance import boundary
@@ -291,21 +288,6 @@ def test_comments_and_docstrings_do_not_change_the_fingerprint(tmp_path: Path) -
     assert not found & {fingerprint._code(verilog), fingerprint._python(python)}
 
 
-@pytest.mark.parametrize(
-    ("kept", "said"),
-    [(None, "is missing: there was no whole run"), ({"card": "0"}, "comes from another card")],
-)
-def test_results_of_another_tree_are_refused(tmp_path, monkeypatch, capsys, kept, said) -> None:
-    """One line, exit code 2, and nothing is written."""
-    monkeypatch.setattr(bench, "KEPT", tmp_path / "results.pickle")
-    monkeypatch.setattr(bench, "write", lambda results: pytest.fail("written"))
-    if kept is not None:
-        bench.KEPT.write_bytes(pickle.dumps(bench_report.Results(1, fingerprint.tree() | kept)))
-    assert bench.main(["--report"]) == 2
-    error = capsys.readouterr().err
-    assert said in error and error.count("\n") == 1
-
-
 # ---------------------------------------------------------------- sw/tools/stack.py
 
 STACK_C = """
@@ -339,27 +321,3 @@ def test_stack_refuses_recursion(tmp_path: Path) -> None:
     source = "int f(int x) { return x ? f(x - 1) * 3 + x : 1; } void _start(void) { f(4); }"
     with pytest.raises(stack.StackError, match="recursion: _start -> f -> f"):
         stack.deepest(compiled(tmp_path, source))
-
-
-def test_an_interrupted_run_goes_on_with_what_is_left(monkeypatch, tmp_path) -> None:
-    """A piece whose result was cut off is measured again; nothing counts twice."""
-    monkeypatch.setattr(bench, "ENDED", tmp_path)
-    asked = [piece for piece in fast(SEED) if piece.kind == "gate"][:4]
-    begun: list[str] = []
-
-    def work(_, __, pieces):
-        for piece in pieces:
-            begun.append(piece.name)
-            yield piece, Outcome()
-
-    monkeypatch.setattr(bench, "in_processes", work)
-    keep = bench.file_of_ended(bench_report.Results(SEED, {"card": "0"}))
-    first = bench.measured(asked, 1, keep)
-    assert [next(first)[0].name for _ in range(3)] == begun == [piece.name for piece in asked[:3]]
-    first.close()
-    keep.write_bytes(keep.read_bytes()[:-1])
-    assert [piece.name for piece, _ in bench.measured(asked, 1, keep)] == [piece.name for piece in asked]
-    assert begun[3:] == [piece.name for piece in asked[2:]]
-    assert [piece.name for piece, _ in bench.measured(asked, 1, keep)] == [piece.name for piece in asked]
-    assert len(begun) == 5
-    assert bench.file_of_ended(bench_report.Results(SEED, {"card": "1"})) != keep, "of another card"

@@ -10,7 +10,6 @@ measure is missing. Other options: campaigns/engine.py.
 from __future__ import annotations
 
 from argparse import Namespace
-from collections import defaultdict
 from dataclasses import asdict
 from typing import Any
 
@@ -53,15 +52,8 @@ class LineQuality(Campaign):
 
     def context(self, store: Store) -> dict[str, Any]:
         (card,) = self.found(store)
-        runs: dict[str, dict[str, Row]] = defaultdict(dict)
-        for case, row in card.rows.items():
-            runs[case.split("/")[0]][case] = row
-        whole_runs = [seed for seed, rows in runs.items() if len(rows) == len(PIECES)]
-        # What was missed once stays.
-        seed = max(whole_runs, key=lambda seed: len(faults(limits_of(runs[seed]))), default=None)
-        if seed is None:
-            raise EngineError(f"no whole run of the card as it is now; run `{self.command}` first")
-        limits = limits_of(runs[seed])
+        seed, rows = self.whole_run(card)
+        limits = limits_of(rows)
         return {
             "seed": seed,
             "measured_on": card.name,

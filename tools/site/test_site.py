@@ -95,8 +95,8 @@ def test_a_link_out_of_docs_becomes_text():
 
 
 def test_a_table_of_the_evidence_stands_in_a_guide():
-    text = hooks.filled("a\n\n<!-- evidence: results, The targets -->\n\nb")
-    header, *rows = evidence()["results"]["tables"]["The targets"]
+    text = hooks.filled("a\n\n<!-- evidence: bench, The targets -->\n\nb")
+    header, *rows = evidence()["bench"]["tables"]["The targets"]
     assert f"| {' | '.join(header)} |\n| ---" in text and text.count("\n| ") == len(rows) + 2
     assert "`make bench`" in text
 
