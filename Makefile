@@ -189,9 +189,6 @@ coverage-firmware: firmware | setup-firmware ## branches of the firmware that it
 fuzz-firmware: | setup-firmware ## fuzz the firmware against its oracles (RUNS=)
 	@$(RUN) sw.test.fuzz $(if $(RUNS),--runs $(RUNS)) $(if $(SEED),--seed $(SEED)) --jobs $(JOBS) --write
 
-mutate-firmware: firmware | setup-firmware ## mutants of the translation core that its tests catch
-	@$(RUN) sw.test.mutate --jobs $(JOBS)
-
 ##@ Build for hardware
 synth: firmware | setup-synth ## * bitstreams and resource use (22 min; BOARD=name: one board; all boards write the report)
 	@$(RUN) constraints.synth $(BOARD)

@@ -146,7 +146,7 @@ def test_a_variable_is_an_option_of_a_campaign():
     planned = ("make", "-n", "-ocard", "-odrive", "-ofirmware")  # else it works out how to build every image
     done = command(*planned, "soak", "COUNT=5", "JOBS=4")
     assert done.stdout.splitlines()[-1].endswith('campaigns.soak.run --count "5" --jobs "4" ')
-    assert '--jobs "4"' in command(*planned, "mutate", "JOBS=4").stdout
+    assert '--jobs "4"' in command(*planned, "kills", "JOBS=4").stdout
 
 
 @pytest.mark.rule("TOP-2")

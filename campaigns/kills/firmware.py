@@ -17,18 +17,18 @@ from pathlib import Path
 
 import pytest
 
-from campaigns.mutate.run import IN_CI
+from campaigns.kills.verilog import IN_CI
 from rtl.command import run_main
 from sw.test import mutate
 
 CORPUS_TEST = "sw/test/test_firmware_quality.py::test_no_input_breaks_the_firmware, by its corpus"
 
 
-class FirmwareKills(mutate.MutationRun):
+class FirmwareKills(mutate.HostTests):
     """A plugin of pytest: collects the host tests, then runs them in a child process for each change."""
 
     def __init__(self, groups: list[dict], folder: Path) -> None:
-        super().__init__(mutate.MutantBuild(folder), [], [], replay=False)
+        super().__init__(mutate.MutantBuild(folder))
         self.groups = groups
 
     def pytest_runtestloop(self, session: pytest.Session) -> bool:

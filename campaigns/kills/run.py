@@ -4,11 +4,12 @@
 
     python -m campaigns.kills.run [--sample N|all] [--seed N] [--jobs N] [--only TEXT] [--page yes]
 
-A sample of the mutants that `make mutate` and `make mutate-firmware` try is drawn over all modules and files,
-at least one of each where the sample lasts. With them come the bugs of tb/planted.toml that a test or the
-fuzzer must see, and every fault of campaigns/conformance/fixture.py. Only tests that `make test` or .ci/run
-runs count. The first one that fails is named: a test or proof of the changed module or file, or else of the
-whole card. A mutant with a reason why it behaves like the original is no finding.
+A sample of the mutants of the Verilog and of the firmware's core and poll loop is drawn over all modules and
+files, at least one of each where the sample lasts; --sample all --only rtu_rx.v takes those of one. With them
+come the bugs of tb/planted.toml that a test or the fuzzer must see, and every fault of
+campaigns/conformance/fixture.py. Only tests that `make test` or .ci/run runs count. The first one that fails
+is named: a test or proof of the changed module or file, or else of the whole card. A mutant with a reason why
+it behaves like the original is no finding.
 
 build/kills/matrix.json and matrix.tsv have a row for each. A run that was stopped goes on from there, unless
 a source has changed. Exit 1: nothing notices one of them.
@@ -34,7 +35,7 @@ from pathlib import Path
 from campaigns.bench.fingerprint import now as fingerprint_of
 from campaigns.conformance.fixture import FAULTS, PROFILE, ModelLine
 from campaigns.engine import page as render
-from campaigns.mutate import run as mutate
+from campaigns.kills import verilog as mutate
 from rtl.command import Parser, run_main, threads
 from rtl.report_page import publish
 from rtl.sources import ROOT
@@ -48,7 +49,8 @@ from tb.lib.planted import Bug, PlantError, bugs
 FOLDER = ROOT / "build/kills"
 MATRIX = FOLDER / "matrix.json"
 TEMPLATE = ROOT / "campaigns/kills/kills.md.in"
-SEED_OF_MUTATE, COUNT_OF_MUTATE, COUNT_OF_FIRMWARE = 1, 40, 60  # what those commands try
+# The first so many mutants of a module and of a file, in the order of this seed, are `all`.
+SEED_OF_MUTATE, COUNT_OF_MUTATE, COUNT_OF_FIRMWARE = 1, 40, 60
 # A mutant that its own bench does not notice goes to these.
 OF_CARD = ("tb/card", *mutate.OF_CARD)
 WIDER = (OF_CARD, ("campaigns/fuzz/test_fuzz.py",), ("tb/rtl", *mutate.OF_MODULE), (*OF_CARD, *mutate.IN_CI))

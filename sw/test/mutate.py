@@ -1,32 +1,23 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Mutation testing of the translation core and of the poll loop.
+"""Mutants of the translation core and of the poll loop, and the host tests, for `make kills`.
 
-    python -m sw.test.mutate [--jobs N]       60 mutants of each file, in N processes; exit 1 for a survivor
-    --count N                                        mutants of each file; 0: all
-
-A mutant is one small change in a file of the core or of the poll loop. It is caught if the fuzzer's corpus
-or a host test fails or does not end. One that is not caught survives, and one survivor fails the command. A
-mutant that compiles to the same code, or that sw/test/survivors.toml excuses, is not counted.
-
-Results: build/mutate/firmware/*.json.
+A mutant is one small change in a file. It is caught if a host test or the fuzzer's corpus fails or does not
+end. A mutant that compiles to the same code, or that sw/test/survivors.toml excuses, is not counted.
 """
 
 from __future__ import annotations
 
 import hashlib
-import json
 import os
 import random
 import resource
 import shutil
 import signal
 import subprocess
-import sys
-import time
 import tomllib
 from collections.abc import Callable, Iterator
-from dataclasses import asdict, dataclass, fields
-from functools import cache, partial
+from dataclasses import dataclass
+from functools import cache
 from pathlib import Path
 
 import pytest
@@ -35,13 +26,9 @@ from _pytest.runner import runtestprotocol
 from tree_sitter import Language, Node
 from tree_sitter import Parser as SourceParser
 
-from rtl.command import Parser, in_processes, run_main
 from sw.test.host import BUILDS, CORE, DIALECTS, HOST, INCLUDES, ROOT, sources
-from tb.lib.bound import SURE, at_most
-from tb.lib.options import at_least
 from tb.model.firmware import Build
 
-FOLDER = ROOT / "build/mutate/firmware"
 CORPUS = ROOT / "sw/test/corpus"
 POLL_LOOP = ("gateway.c", "request.c", "orders.c", "exchange.c")
 FILES = (*CORE, *POLL_LOOP)
@@ -49,7 +36,6 @@ SEED = "1"  # of the random tests, so that the result for a mutant is repeatable
 EXCUSED = "excused"
 NOT_COUNTED = ("does not compile", "same code", EXCUSED)
 SURVIVORS = ROOT / "sw/test/survivors.toml"
-LEAST_PER_FILE = 20
 REPLAY_S, TESTS_S = 10, 60
 LIKELY = 100  # tests that are tried first
 SLOW = ("random", "any_sequence", "parameters_end", "no_other_register")
@@ -100,10 +86,6 @@ class Mutant:
     @property
     def change(self) -> str:
         return f"{' '.join(self.old.split())} -> {' '.join(self.new.split()) or 'nothing'}"
-
-
-def mutant_of(result: dict) -> Mutant:
-    return Mutant(**{field.name: result[field.name] for field in fields(Mutant)})
 
 
 def nodes(node: Node) -> Iterator[Node]:
@@ -311,13 +293,6 @@ class MutantBuild:
             target.unlink(missing_ok=True)
             self._run("gcc", "-shared", "-o", target, *self._objects(self.files, build))
 
-    def make_sanitized_replayer(self, dialect: str, fuzzer: str) -> Path:
-        target = self.folder / dialect / "sanitized"
-        flags = ["-std=c99", "-w", "-O1", "-fsanitize=address,undefined", "-fno-sanitize-recover=all"]
-        flags += [*INCLUDES, "-Isw/test", *BUILDS[dialect]]
-        self._run("gcc", *flags, "-o", target, *self.replayers[fuzzer])
-        return target
-
     def _machine_code(self, file: str, build: str) -> bytes:
         self._compile(file, build, "-O2", "-g0", changed=True)
         return self._object(file, build, changed=True).read_bytes()
@@ -353,11 +328,11 @@ def replay_fails(make_replayer: Callable[[str, str], Path], fuzzer: str) -> str:
 # ---------------------------------------------------------------- the tests, collected once
 
 
-class MutationRun:
-    """A plugin of pytest: collects the tests, then runs them in a child process for each mutant."""
+class HostTests:
+    """A plugin of pytest: collects the tests, which then run in a child process for each mutant."""
 
-    def __init__(self, builds: MutantBuild, mutants: list[Mutant], results: list[dict], replay: bool) -> None:
-        self.builds, self.mutants, self.results, self.replay = builds, mutants, results, replay
+    def __init__(self, builds: MutantBuild) -> None:
+        self.builds = builds
 
     def pytest_collection_modifyitems(self, items: list[pytest.Item]) -> None:
         """Sorts the host tests into those of the core and those of the poll loop, the slow ones last."""
@@ -367,30 +342,10 @@ class MutationRun:
             "translate": [item for item in items if item.path != ROOT / GATEWAY_TESTS and of_core(item)],
         }
 
-    def pytest_runtestloop(self, session: pytest.Session) -> bool:
-        os.environ["FIRMWARE_LIBRARIES"] = str(self.builds.folder)
-        self.builds.link_libraries()
-        for fuzzer, items in self.items.items():
-            first = replay_fails(self.builds.make_sanitized_replayer, fuzzer) or self.tests_fail(items)
-            if first:
-                raise SystemExit(f"the tests fail without any mutation: {first}")
-        for number, mutant in enumerate(self.mutants, 1):
-            items = self.items[fuzzer_of(mutant)]
-            fate = self.fate(mutant, items)
-            self.results.append(asdict(mutant) | {"fate": fate})
-            place = f"{mutant.file}:{mutant.line} {mutant.change}"
-            print(f"{number}/{len(self.mutants)} {place}: {fate}", flush=True)
-            # A test that caught one mutant often catches the next.
-            items.sort(key=lambda item: fate != f"test {item.name}")
-        return True
-
     def fate(self, mutant: Mutant, items: list[pytest.Item]) -> str:
         self.builds.change(mutant)
         if not self.builds.make("card"):
             return "does not compile"
-        fuzzer = fuzzer_of(mutant)
-        if self.replay and (fate := replay_fails(self.builds.link_replayer, fuzzer)):
-            return fate
         self.builds.link_libraries()
         if fate := self.tests_fail(items[:LIKELY]):
             return fate
@@ -402,9 +357,7 @@ class MutationRun:
         if fate := self.tests_fail(items[LIKELY:]):
             return fate
         # In a child of their own: TESTS_S is for the tests of one kind.
-        if fuzzer != "gateway" and (fate := self.tests_fail(self.items["gateway"])):
-            return fate
-        if self.replay and (fate := replay_fails(self.builds.make_sanitized_replayer, fuzzer)):
+        if fuzzer_of(mutant) != "gateway" and (fate := self.tests_fail(self.items["gateway"])):
             return fate
         return EXCUSED if is_excused(mutant) else "survives"
 
@@ -449,90 +402,3 @@ def of_gateway(item: pytest.Item) -> bool:
 
 def names(item: pytest.Item) -> list[str]:
     return [] if "random" in item.name else list(getattr(item, "callspec", item).__dict__.get("params", {}))
-
-
-def evaluated(mutants: list[Mutant], name: str) -> list[dict]:
-    """The mutants with their fates. `name`: of the builds' folder."""
-    os.environ["COCOTB_RANDOM_SEED"] = SEED
-    results: list[dict] = []
-    run = MutationRun(MutantBuild(FOLDER / name), mutants, results, replay=True)
-    options = ["-q", "--all", "--capture=no", "--no-header"]
-    options += [
-        word for plugin in ("cacheprovider", "xdist", "faulthandler") for word in ("-p", f"no:{plugin}")
-    ]
-    code = pytest.main([*options, *(str(ROOT / test) for test in TESTS)], plugins=[run])
-    if len(results) != len(mutants):
-        sys.exit(f"{name} did not end: pytest's exit code {code}")
-    shutil.rmtree(FOLDER / name)
-    return results
-
-
-def run_shard(part: int, parts: int, count: int) -> None:
-    name = f"shard-{part}-of-{parts}"
-    begun = time.monotonic()
-    results = evaluated(chosen_mutants(count)[part - 1 :: parts], name)
-    kept = {"seconds": round(time.monotonic() - begun), "mutants": results}
-    (FOLDER / f"{name}.json").write_text(json.dumps(kept, indent=1) + "\n")
-
-
-# ---------------------------------------------------------------- the report
-
-
-def report(count: int) -> int:
-    files = sorted(FOLDER.glob("shard-*.json"))
-    results = [mutant for file in files for mutant in json.loads(file.read_text())["mutants"]]
-    wanted = chosen_mutants(count)
-    if len(results) != len(wanted) or {mutant_of(result) for result in results} != set(wanted):
-        error = f"{len(results)} results of {len(wanted)} mutants: a shard is missing or old"
-        print(error, file=sys.stderr)
-        return 2
-    wrong, shown = outdated(), []
-    shown.append(f"{'file':14}{'possible':>8}{'mutants':>9}{'caught':>8}{'survive':>9}{'':>9}   not counted")
-    for name in (*FILES, "all"):
-        of = [m for m in results if name in (m["file"], "all")]
-        dead = [m["fate"] for m in of if m["fate"] in NOT_COUNTED]
-        alive = [m for m in of if m["fate"] == "survives"]
-        counted = len(of) - len(dead)
-        caught = counted - len(alive)
-        percent = 100 * caught / max(counted, 1)
-        fails, code, excused = map(dead.count, NOT_COUNTED)
-        possible = sum(len(mutants_of(file)) for file in FILES if name in (file, "all"))
-        shown.append(
-            f"{name:14}{possible:8}{counted:9}{caught:8}{len(alive):9}{percent:8.1f} %"
-            f"   {code} same code, {excused} {EXCUSED}, {fails} do not compile"
-        )
-        if counted < LEAST_PER_FILE:
-            wrong.append(f"{name}: fewer than {LEAST_PER_FILE} mutants")
-    by = {"corpus": 0, "test": 0, "never ends": 0, "crashes": 0}
-    for mutant in results:
-        for how in by:
-            by[how] += mutant["fate"].startswith(how)
-    shown.append("caught by: " + ", ".join(f"{how} {count}" for how, count in by.items()))
-    bound = f"{100 * at_most(len(alive), counted):.2f} %"
-    shown.append(f"Were the {counted} a random choice, at most {bound} of all would survive, at {SURE}.")
-    shown.append("But tests were added for these, so of the others more may survive.")
-    print("\n".join(shown))
-    print(f"{sum(json.loads(file.read_text())['seconds'] for file in files)} s of {len(files)} processes")
-    wrong += [f"survives: {m['file']}:{m['line']} {m['function']}: {mutant_of(m).change}" for m in alive]
-    print("\n".join(wrong) or "no survivor")
-    return 1 if wrong else 0
-
-
-def main() -> int:
-    parser = Parser(prog="mutate-firmware", description=__doc__.splitlines()[0])
-    parser.add_argument("--jobs", type=at_least(1), default=2)
-    parser.add_argument(
-        "--count", type=at_least(0), default=60, help="mutants of each file; 0: all (default: %(default)s)"
-    )
-    given = parser.parse_args()
-    FOLDER.mkdir(parents=True, exist_ok=True)
-    for file in FOLDER.glob("shard-*.json"):
-        file.unlink()
-    work = partial(run_shard, parts=given.jobs, count=given.count)
-    for _ in in_processes(given.jobs, work, range(1, given.jobs + 1)):
-        pass
-    return report(given.count)
-
-
-if __name__ == "__main__":
-    run_main("mutate-firmware", main)

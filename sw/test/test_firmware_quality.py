@@ -5,13 +5,11 @@ from __future__ import annotations
 
 import fcntl
 import functools
-import json
 import os
 import random
 import shutil
 import subprocess
 import sys
-from dataclasses import asdict
 from pathlib import Path
 
 import pytest
@@ -104,18 +102,6 @@ def test_a_planted_mistake_is_reported(analyser: str, tmp_path: Path):
 
 
 # ---------------------------------------------------------------- mutation
-
-
-@pytest.mark.parametrize(("fate", "code"), [("test some", 0), (firmware_mutate.EXCUSED, 0), ("survives", 1)])
-def test_a_mutant_that_is_neither_caught_nor_excused_fails(
-    fate: str, code: int, tmp_path, monkeypatch, capsys
-):
-    rows = [asdict(mutant) | {"fate": "test some"} for mutant in firmware_mutate.chosen_mutants(60)]
-    rows[0]["fate"] = fate
-    (tmp_path / "shard-1-of-1.json").write_text(json.dumps({"seconds": 1, "mutants": rows}))
-    monkeypatch.setattr(firmware_mutate, "FOLDER", tmp_path)
-    assert firmware_mutate.report(60) == code
-    assert ("survives: " in capsys.readouterr().out) == bool(code)
 
 
 def test_an_excuse_ends_with_a_change_of_its_function(tmp_path, monkeypatch):

@@ -1,23 +1,15 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Changes Verilog in one place at a time; proofs or tests must fail (hours; MODULE=name); `make mutate`.
-
-    python -m campaigns.mutate.run [--module NAME] [--count N] [--seed N] [--jobs N]
-    python -m campaigns.mutate.run --report             one table of everything in build/mutate/
-
-Without a name it takes every module of rtl/ that has a bench. `make kills` has a page of a sample.
+"""Mutants of the Verilog, and the tests and proofs of their module, for `make kills`.
 
 A mutant is one change of the source: an operator, a constant, a condition that is always true or false, a
 removed assignment or connection. A change that does not compile is not a mutant. A mutant is caught if a
 proof of the module no longer holds, or if tb/*/test_MODULE.py or a bench of MORE_BENCHES fails, or if one of
 them takes far longer than on the unchanged module. Tests run on Icarus, or on Verilator if a test runs only
-there. A mutant that is not caught is the same if campaigns/mutate/survivors.toml says why it behaves like the
-original, and survives otherwise. Each module writes build/mutate/MODULE.json, from which an interrupted run
-continues. The report lists both kinds. Exit 1: a mutant survives.
+there. A mutant that is not caught is the same if survivors.toml says why it behaves like the original, and
+survives otherwise.
 """
 
-import concurrent.futures
 import hashlib
-import json
 import os
 import random
 import re
@@ -27,21 +19,15 @@ import subprocess
 import sys
 import time
 import tomllib
-from dataclasses import asdict, dataclass
+from dataclasses import dataclass
 from pathlib import Path
 
 from formal import prove
-from rtl.command import Parser, run_main, threads
-from rtl.sources import ROOT, SourcesError, bench_file, needed_files, rtl_files
-from tb.lib.options import at_least
+from rtl.sources import ROOT, bench_file, needed_files, rtl_files
 
-WORK = ROOT / "build/mutate"
-EXCUSES = ROOT / "campaigns/mutate/survivors.toml"
+WORK = ROOT / "build/kills"
+EXCUSES = ROOT / "campaigns/kills/survivors.toml"
 TOP = "rtu2fc"
-HEADER = (
-    "| module | possible | tried | by proof | by test | the same | survived | caught | of |\n"
-    "|---|---:|---:|---:|---:|---:|---:|---:|---|"
-)
 LONGEST_S = 900  # for the unchanged module; a mutant has TIMES_LONGER of the measured time
 TIMES_LONGER = 5
 LEAST_S = 180  # the unchanged module may be built already, and need not be proved again
@@ -127,11 +113,6 @@ class Mutant:
     verdict: str = ""  # caught, same, survived; invalid: does not compile
     by: str = ""  # proof, test
     node: str = ""  # the test of pytest, or the proof
-    seconds: float = 0.0
-
-    @property
-    def key(self) -> tuple:
-        return self.start, self.end, self.text
 
 
 def code_only(text: str) -> str:
@@ -235,7 +216,7 @@ def excused() -> set[tuple[str, str]]:
     rows = tomllib.loads(EXCUSES.read_text())["mutant"]
     now = {path.stem: fingerprint(path) for path in rtl_files()}
     if old := [row["module"] for row in rows if now[row["module"]] != row["of"]]:
-        print(f"mutate: {EXCUSES.name}: another {old[0]}.v: try its mutants again", file=sys.stderr)
+        print(f"kills: {EXCUSES.name}: another {old[0]}.v: try its mutants again", file=sys.stderr)
     return {(row["module"], change) for row in rows if row["module"] not in old for change in row["changes"]}
 
 
@@ -280,9 +261,7 @@ class Copy:
             return False, f"no end within {self.longest_s:.0f} s, twice"
         code, output = done
         if code not in (0, 1):
-            raise SystemExit(
-                f"mutate: {self.name}: exit code {code} of {' '.join(command)}:\n{output[-800:]}"
-            )
+            raise SystemExit(f"{self.name}: exit code {code} of {' '.join(command)}:\n{output[-800:]}")
         return code == 0, output
 
     def try_once(self, *command: str) -> tuple[int, str] | None:
@@ -351,13 +330,13 @@ class Tree(Copy):
     def baseline(self) -> None:
         """Runs all checks on the unchanged module, which must pass; sorts them by time."""
         if not self.compiles():
-            raise SystemExit(f"mutate: {self.module} does not compile unchanged")
+            raise SystemExit(f"{self.module} does not compile unchanged")
         checks = ["test", *["proof"] * (self.module in prove.known())]
         times = {}
         for name in checks:
             began = time.monotonic()
             if failed := self.failing(name, changed=False):
-                raise SystemExit(f"mutate: {self.module}: {failed} fails on the unchanged module")
+                raise SystemExit(f"{self.module}: {failed} fails on the unchanged module")
             times[name] = time.monotonic() - began
         self.checks = sorted(times, key=times.get)
         self.longest_s = max(LEAST_S, TIMES_LONGER * max(times.values()))
@@ -366,7 +345,6 @@ class Tree(Copy):
         )
 
     def evaluate(self, mutant: Mutant) -> Mutant:
-        began = time.monotonic()
         text = self.original
         self.file.write_text(text[: mutant.start] + mutant.text + text[mutant.end :])
         try:
@@ -383,7 +361,6 @@ class Tree(Copy):
                     mutant.verdict = "same"
         finally:
             self.file.write_text(self.original)
-        mutant.seconds = time.monotonic() - began
         return mutant
 
 
@@ -397,127 +374,6 @@ def fingerprint(path: Path) -> str:
     return hashlib.sha256(words.encode()).hexdigest()[:12]
 
 
-class MutationRun:
-    """The mutants of one module and their verdicts; the result file is written after each verdict."""
-
-    def __init__(self, module: str, count: int, seed: int) -> None:
-        self.module, self.wanted, self.seed = module, count, seed
-        self.of = fingerprint(next(path for path in rtl_files() if path.stem == module))
-        found = shuffled(module, seed)
-        self.possible = len(found)
-        self.file = WORK / f"{module}.json"
-        known = self.read()
-        self.evaluated = [known[mutant.key] for mutant in found if mutant.key in known]
-        self.left = [mutant for mutant in found if mutant.key not in known]
-
-    def read(self) -> dict[tuple, Mutant]:
-        """Verdicts of an earlier run of the same module and seed."""
-        if not self.file.exists():
-            return {}
-        document = json.loads(self.file.read_text())
-        if (document.get("of"), document.get("seed")) != (self.of, self.seed):
-            return {}
-        return {mutant.key: mutant for mutant in (Mutant(**row) for row in document["mutants"])}
-
-    @property
-    def valid(self) -> list[Mutant]:
-        return [mutant for mutant in self.evaluated if mutant.verdict != "invalid"]
-
-    def keep(self, mutant: Mutant) -> None:
-        self.evaluated.append(mutant)
-        rows = [asdict(mutant) for mutant in self.evaluated]
-        document = {"module": self.module, "of": self.of, "seed": self.seed, "possible": self.possible}
-        text = json.dumps(document | {"mutants": rows}, indent=1)
-        partly = self.file.with_suffix(".part")
-        partly.write_text(text)
-        partly.replace(self.file)
-        if mutant.verdict == "survived":
-            print(
-                f"{self.module}:{mutant.line}: survived: {mutant.before}  ->  {mutant.after}",
-                flush=True,
-            )
-
-    def run(self, jobs: int) -> None:
-        WORK.mkdir(parents=True, exist_ok=True)
-        if len(self.valid) < self.wanted:
-            trees = [Tree(number, self.module) for number in range(jobs)]
-            try:
-                trees[0].baseline()
-                for tree in trees[1:]:
-                    tree.checks, tree.longest_s = trees[0].checks, trees[0].longest_s
-                self.distribute(trees)
-            finally:
-                for tree in trees:
-                    tree.remove()
-        caught = sum(mutant.verdict == "caught" for mutant in self.valid)
-        seconds = sum(mutant.seconds for mutant in self.evaluated)
-        print(f"{self.module}: {caught} of {len(self.valid)} caught, {seconds:.0f} s", flush=True)
-
-    def distribute(self, trees: list[Tree]) -> None:
-        free = list(trees)
-
-        def work(mutant: Mutant) -> Mutant:
-            tree = free.pop()
-            try:
-                return tree.evaluate(mutant)
-            finally:
-                free.append(tree)
-
-        with threads(len(trees)) as pool:  # a mutant that Ctrl-C interrupts has no verdict
-            while self.left and (missing := self.wanted - len(self.valid)) > 0:
-                batch, self.left = self.left[:missing], self.left[missing:]
-                for done in concurrent.futures.as_completed([pool.submit(work, item) for item in batch]):
-                    self.keep(done.result())
-
-
-def row_of(module: str, of: str, possible: int, group: list[Mutant]) -> str:
-    by = [sum(mutant.by == kind for mutant in group) for kind in ("proof", "test")]
-    alike = sum(mutant.verdict == "same" for mutant in group)
-    left = len(group) - sum(by) - alike
-    share = 100 * sum(by) / (len(group) - alike)
-    return (
-        f"| `{module}` | {possible} | {len(group)} | {by[0]} | {by[1]} | {alike} | {left} | "
-        f"{share:.1f} % | `{of}` |"
-    )
-
-
-def survivor_of(mutant: Mutant) -> str:
-    verdict = "the same" if mutant.verdict == "same" else "survived"
-    return f"- `{mutant.module}`: `{mutant.before}` → `{mutant.after}`: {verdict}"
-
-
-def report() -> int:
-    """Prints the table of all result files."""
-    groups: dict[str, tuple[str, int, list[Mutant]]] = {}
-    for file in sorted(WORK.glob("*.json")):
-        document = json.loads(file.read_text())
-        module, of = document["module"], document["of"]
-        path = next((path for path in rtl_files() if path.stem == module), None)
-        if path is None or fingerprint(path) != of:
-            print(
-                f"mutate: {file.relative_to(ROOT)} comes from another {module}.v: left out", file=sys.stderr
-            )
-            continue
-        # Changes that did not compile do not count.
-        valid = [Mutant(**row) for row in document["mutants"] if row["verdict"] != "invalid"]
-        if valid:
-            groups[module] = of, document["possible"] - len(document["mutants"]) + len(valid), valid
-    if not groups:
-        print("mutate: nothing in build/mutate; run `make mutate`", file=sys.stderr)
-        return 2
-    rows = {module: row_of(module, *found) for module, found in groups.items()}
-    print("\n".join([HEADER, *rows.values()]))
-    everything = [mutant for _, _, group in groups.values() for mutant in group]
-    survivors = [mutant for mutant in everything if mutant.verdict == "survived"]
-    alike = [mutant for mutant in everything if mutant.verdict == "same"]
-    caught = len(everything) - len(survivors) - len(alike)
-    counted = len(everything) - len(alike)
-    print(f"\n{caught} of {counted} mutants caught, {100 * caught / counted:.1f} %")
-    for mutant in [*survivors, *alike]:
-        print(survivor_of(mutant))
-    return int(bool(survivors))
-
-
 def bench_arguments(module: str) -> list[str]:
     """Files of a module's tests and options, for pytest."""
     names = (BENCH_IN.get(module, module), *MORE_BENCHES.get(module, ()))
@@ -527,36 +383,3 @@ def bench_arguments(module: str) -> list[str]:
 
 def benches() -> list[str]:
     return [path.stem for path in rtl_files() if bench_file(BENCH_IN.get(path.stem, path.stem))]
-
-
-def main() -> int:
-    parser = Parser(prog="mutate", description=__doc__.splitlines()[0])
-    parser.add_argument("--module")
-    parser.add_argument("--report", action="store_true")
-    parser.add_argument(
-        "--count", type=at_least(1), default=40, help="mutants a module (default: %(default)s)"
-    )
-    parser.add_argument("--seed", type=int, default=1)
-    parser.add_argument("--jobs", type=at_least(1), default=2)
-    options = parser.parse_args()
-    if options.report:
-        return report()
-    known = benches()
-    modules = [options.module] if options.module else known
-    if unknown := [module for module in modules if module not in known]:
-        print(f"mutate: no module {unknown[0]} with a bench; there are: {', '.join(known)}", file=sys.stderr)
-        return 2
-    try:
-        for module in modules:
-            MutationRun(module, options.count, options.seed).run(options.jobs)
-    except SourcesError as error:
-        print(error, file=sys.stderr)
-        return 2
-    except KeyboardInterrupt:
-        print("mutate: stopped; the next run goes on from here", file=sys.stderr)
-        return 130
-    return report()
-
-
-if __name__ == "__main__":
-    run_main("mutate", main)

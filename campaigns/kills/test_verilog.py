@@ -1,15 +1,13 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Changes and verdicts of `make mutate`, and its report."""
+"""The changes of the Verilog, and their verdicts."""
 
 from __future__ import annotations
 
-import json
 import re
-from dataclasses import asdict
 
 import pytest
 
-from campaigns.mutate import run as mutate
+from campaigns.kills import verilog as mutate
 from rtl.sources import rtl_files
 from tb.lib.rows import each_row
 
@@ -73,7 +71,7 @@ def test_only_an_exit_code_of_1_counts_as_caught(tmp_path, monkeypatch):
     tree = mutate.Tree(0, "bcc")
     assert [tree.run("bash", "-c", f"exit {code}")[0] for code in (0, 1)] == [True, False]
     for command in ("echo nothing to run; exit 5", "kill -9 $$"):
-        with pytest.raises(SystemExit, match="mutate: bcc-0: exit code"):
+        with pytest.raises(SystemExit, match="bcc-0: exit code"):
             tree.run("bash", "-c", command)
 
 
@@ -106,17 +104,3 @@ def test_each_excuse_fits_a_mutant_of_the_present_module(monkeypatch, tmp_path, 
     monkeypatch.setattr(mutate, "EXCUSES", old)
     assert "soft_core" not in {module for module, _ in mutate.excused()}
     assert "another soft_core.v" in capsys.readouterr().err
-
-
-def test_a_survivor_fails(tmp_path, monkeypatch, capsys):
-    monkeypatch.setattr(mutate, "WORK", tmp_path)
-    path = next(path for path in rtl_files() if path.stem == "bcc")
-    mutant = mutate.Mutant("bcc", 1, "a", "b", 0, 1, "b", "survived")
-    document = {"module": "bcc", "of": mutate.fingerprint(path), "seed": 1, "possible": 7}
-    for verdict, result in (("survived", 1), ("same", 0), ("caught", 0)):
-        mutant.verdict, mutant.by = verdict, "test" if verdict == "caught" else ""
-        other = mutate.Mutant("bcc", 2, "c", "d", 2, 3, "d", "caught", "test")
-        rows = [asdict(mutant), asdict(other)]
-        (tmp_path / "bcc.json").write_text(json.dumps(document | {"mutants": rows}))
-        assert mutate.report() == result
-        assert ("`a` → `b`: survived" in capsys.readouterr().out) == bool(result)
