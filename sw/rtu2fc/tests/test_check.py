@@ -22,7 +22,7 @@ from regs.dialects import DIALECTS as TABLE
 from regs.dialects import STANDARD
 from sim.card.run_card import ROOT, RunningCard
 from sw.rtu2fc import check as program
-from sw.rtu2fc import check_rows
+from sw.rtu2fc import check_rows, cli
 from sw.rtu2fc.card import ANSWER_S, Card
 from sw.rtu2fc.check import Check
 from sw.rtu2fc.check_rows import ROWS, Unexpected
@@ -430,6 +430,30 @@ def test_an_adapter_that_echoes_is_understood():
     code, output, _ = run(adapter.name, "--row", "coil 65")
     assert code == 1 and "unit 1 answers: no answer" in crosses(output)
     adapter.close()
+
+
+def test_a_recorded_check_has_its_result_again(tmp_path, capsys, monkeypatch):
+    """Without a port; another answer in the record is a cross, and a record that ends early is one line."""
+    monkeypatch.setattr(cli.signal, "signal", lambda *_: None)
+    record, adapter = tmp_path / "line.jsonl", Adapter()
+
+    def checked(option: str) -> tuple[int, str]:
+        code = cli.main(["check", adapter.name, "--row", "06 writes", option, str(record)])
+        said = capsys.readouterr()
+        return code, said.out + said.err
+
+    passed = checked("--record")
+    adapter.close()
+    assert passed[0] == 0 and "✓ 06 writes 40002, 03 reads it\n" in passed[1]
+    assert checked("--replay") == passed
+    lines = record.read_text().splitlines()
+    at = next(i for i, line in enumerate(lines) if '"heard": "01030204d2' in line)
+    record.write_text("\n".join([*lines[:at], lines[at].replace("04d2", "04d3"), *lines[at + 1 :]]))
+    code, said = checked("--replay")
+    assert code == 1 and "✗ 06 writes 40002, 03 reads it: request 2 of 2: damaged answer" in said
+    record.write_text("\n".join(lines[:at]))
+    code, said = checked("--replay")
+    assert code == 2 and "the record ends here" in said
 
 
 def test_a_request_comes_after_a_silence_of_t35():
