@@ -12,6 +12,7 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import dataclass
 
+from campaigns.masters.page import table
 from sim.card.masters import as_pymodbus_call, words
 from tb.agents import rtu
 from tb.model import fc_telegram
@@ -224,11 +225,6 @@ def play(example: Example) -> list[Played]:
         reply = None if asked.reply is None else rtu.build(UNIT, asked.reply)
         played.append(Played(step, request, tuple(heard), reply))
     return played
-
-
-def table(head: list[str], rows: list[list[object]]) -> str:
-    lines = ["| " + " | ".join(head) + " |", "|" + "---|" * len(head)]
-    return "\n".join([*lines, *("| " + " | ".join(map(str, row)) + " |" for row in rows)])
 
 
 def word(value: int) -> str:

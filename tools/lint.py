@@ -33,10 +33,10 @@ from rtl.sources import (
 )
 from tb.model.card import DIALECTS
 from tools import trace
+from tools.prose import SOURCES, project_files
 
 TOP = "rtu2fc"
 EXAMPLE = [ROOT / f"docs/example/{name}.v" for name in ("holding_registers", "modbus_slave")]
-FOLDERS = ("campaigns", "constraints", "docs", "formal", "regs", "rtl", "sim", "sw", "tb", "tools")
 # From the top down: a module may import what stands below it or in its own line.
 LAYERS = (
     ("tools",),
@@ -54,25 +54,6 @@ LAYERS = (
     ("tb.agents",),
 )
 GENERATORS = ("regs.regs", "constraints.boards", "tools.handbook", "tools.pictures")
-SUFFIXES = {
-    ".v",
-    ".vh",
-    ".vlt",
-    ".rdl",
-    ".py",
-    ".sh",
-    ".c",
-    ".h",
-    ".S",
-    ".ld",
-    ".cpp",
-    ".mk",
-    ".toml",
-    ".lua",
-    ".core",
-    ".lpf",
-    ".pcf",
-}
 UNFINISHED = re.compile(r"\b(TODO|FIXME|XXX|HACK)\b")
 SKIPPED = re.compile(r"\b(skipif|xfail|mark\.skip|pytest\.skip|cocotb\.skip)\b|\bskip=True")
 SOMEWHERE = re.compile(r"(?<![\w.-])/(home|root|tmp|work)/\w")
@@ -83,10 +64,8 @@ OUR_OWN = Path(__file__).name
 
 def source_files() -> list[Path]:
     """Every text file of our own that carries code."""
-    found = [path for folder in FOLDERS for path in (ROOT / folder).rglob("*") if path.suffix in SUFFIXES]
-    found += [ROOT / name for name in ("Makefile", "configs.toml", "pyproject.toml", ".ci/run")]
-    found += ROOT.glob("*.core")
-    return sorted(path for path in found if "__pycache__" not in path.parts)
+    others = ("Makefile", ".ci/run")
+    return [ROOT / name for name in project_files() if name in others or Path(name).suffix in SOURCES]
 
 
 def hand_written_verilog() -> list[Path]:

@@ -48,7 +48,8 @@ GENERATED_PAGES = (ROOT / "docs/reference/pins.md",)
 GENERATED = re.compile(r"<!-- generated:.*?<!-- end -->", re.DOTALL)
 WORD = re.compile(r"\w[\w'.-]*")
 WRAPPED = re.compile(r"[ \t]*\n[ \t]*(?://|\*|#)?[ \t]*")
-SOURCES = {".v", ".vh", ".c", ".h", ".cpp", ".S", ".py", ".rdl", ".toml", ".mk", ".lua", ".sh"}
+SOURCES = {".v", ".vh", ".vlt", ".rdl", ".c", ".h", ".cpp", ".S", ".ld", ".py", ".sh", ".mk", ".lua", ".toml"}
+SOURCES |= {".core", ".lpf", ".pcf"}
 
 
 def project_files() -> list[str]:
