@@ -21,14 +21,13 @@ import tempfile
 import xml.etree.ElementTree as ElementTree
 from collections.abc import Callable
 from dataclasses import dataclass, field
-from functools import cache
+from functools import cache, partial
 from itertools import pairwise
 from pathlib import Path
 
 import matplotlib
 from fontTools.afmLib import AFM
 from fontTools.agl import UV2AGL
-from fontTools.ttLib import TTFont
 from wavedrom.waveform import WaveDrom
 
 from regs.generated.card_tables import CHARACTER_BITS
@@ -42,6 +41,7 @@ from tb.lib.card import MS, baud_switches
 from tb.lib.fast_card import SHOWN_SEED, SLOW_HZ, FastCard
 from tb.model import fc_telegram
 from tb.model.vlt_drive import VltDrive
+from tools.svg import font
 
 DIAGRAMS = ROOT / "build/diagrams"
 # A white picture glares on a dark page. `svg:root` leaves the page alone into which a picture is copied.
@@ -66,7 +66,7 @@ GRID = 2  # bricks between two dotted lines of WaveDrom
 BRICK = 10  # pixels, in WaveDrom's narrow skin
 LABEL_PX, NAME_PX = 12, 14
 STEP_MS = 0.625  # of the diagrams of both lines
-GRID_MS = f"{GRID * STEP_MS} ms"
+IN_BITS, IN_MS = ("bit", BIT), ("ms", MS)
 CLOCK = f"card at {SLOW_HZ['standard'] / 1e6:g} MHz"  # slower than a real one: its firmware takes longer
 Edges = list[tuple[float, int]]
 
@@ -96,13 +96,16 @@ class Block:
 
 @dataclass
 class Drawing:
-    """A window on a recording, as WaveJSON: one brick of WaveDrom, 10 or 20 pixels, lasts `step`."""
+    """A window on a recording, as WaveJSON: one brick of WaveDrom, 10 or 20 pixels, lasts `step`.
+
+    unit: name and length of what the grid is given in.
+    """
 
     title: str
     start: float
     end: float
     step: float
-    grid: str
+    unit: tuple[str, float] = IN_BITS
     colours: dict[str, str] = field(default_factory=lambda: LINE_COLOURS)
     foot: str = ""
     lanes: list = field(default_factory=list)
@@ -113,6 +116,13 @@ class Drawing:
     @property
     def bricks(self) -> int:
         return round((self.end - self.start) / self.step)
+
+    @property
+    def grid(self) -> str:
+        name, length = self.unit
+        share = GRID * self.step / length
+        number = {0.25: "¼", 0.5: "½"}.get(share, f"{share:g}")
+        return f"{number} {name}{'s' * (name == 'bit' and share > 1)}"
 
     def brick(self, when: float) -> int:
         return min(max(round((when - self.start) / self.step), 0), self.bricks)
@@ -211,15 +221,9 @@ def text_px(text: str, size: float = LABEL_PX) -> float:
     return sum(helvetica()[UV2AGL[ord(letter)]][1] for letter in text) * size / 1000
 
 
-@cache
-def dejavu() -> tuple[dict[int, str], dict[str, tuple[int, int]], int]:
-    font = TTFont(Path(matplotlib.get_data_path()) / "fonts/ttf/DejaVuSans.ttf")
-    return font.getBestCmap(), font["hmtx"].metrics, font["head"].unitsPerEm
-
-
 def wide_px(text: str, size: float = LABEL_PX) -> float:
     """The width in DejaVu Sans, the font of viewers without Helvetica. librsvg ignores textLength."""
-    glyphs, widths, em = dejavu()
+    glyphs, widths, em = font(False)
     return sum(widths[glyphs[ord(letter)]][0] for letter in text) * size / em
 
 
@@ -312,6 +316,8 @@ def for_dark_pages(picture: str) -> str:
 class Recorded:
     """Signals on the pins during a run."""
 
+    of_module = False
+
     def __init__(self, card: FastCard) -> None:
         self.edges: dict[str, Edges] = card.recorded_so_far()
 
@@ -330,13 +336,18 @@ class Recorded:
         """The next rise of a strobe."""
         return next(rise for rise, _ in self.pulses(name) if rise >= when)
 
-    def none_between(self, name: str, start: float, end: float) -> bool:
-        return not any(start <= rise <= end for rise, _ in self.pulses(name))
+    def lanes(self, drawing: Drawing, *names: str) -> None:
+        """Pins and strobes; the names of the card's strobes are written as words."""
+        for name in names:
+            shown = (
+                name if self.of_module or name.startswith(("modbus_", "drive_de")) else name.replace("_", " ")
+            )
+            drawing.level(shown, self.edges[name], idle=name.endswith(("rx", "tx")))
 
-    def characters(self, pin: str) -> list[Block]:
+    def characters(self, pin: str, fill: str = PLAIN) -> list[Block]:
         """Characters on a pin."""
         heard = Trace(LINE, self.edges[pin]).characters
-        return [Block(c.start_ps, c.end_ps, f"{c.byte:02X}", data=bytes([c.byte])) for c in heard]
+        return [Block(c.start_ps, c.end_ps, f"{c.byte:02X}", fill, bytes([c.byte])) for c in heard]
 
     def frames(self, pin: str, fill: str) -> list[Block]:
         """Characters without t1.5 of silence between them."""
@@ -365,6 +376,8 @@ class Run(FastCard):
 
 class Port(Recorded):
     """The ports of one module of the card during a request, from a waveform; `clock`: length of a clock."""
+
+    of_module = True
 
     def __init__(self, instance: str, request: bytes) -> None:
         with tempfile.TemporaryDirectory() as folder:
@@ -406,7 +419,7 @@ class Port(Recorded):
 
     def memory(self, drawing: Drawing, kind: str, fill: str) -> None:
         """Each access of one kind, with its text until the next one."""
-        drawing.level(f"{kind}_valid", self.edges[f"{kind}_valid"])
+        self.lanes(drawing, f"{kind}_valid")
         long = 10.5 * BIT
         blocks = [
             Block(at, at + long, f"{place}: {byte:02X}h", fill) for at, place, byte in self.accesses(kind)
@@ -431,13 +444,11 @@ def character() -> Drawing:
         first.start - 2 * BIT,
         first.end + 2 * BIT,
         BIT / 4,
-        "½ bit",
     )
     lead = drawing.say("driver before start bit", bits(first.start - enabled))
     length = drawing.say("character", bits(second.start - first.start))
     lasts = drawing.say("time", ms(second.start - first.start))
-    drawing.level("modbus_de", seen.edges["modbus_de"])
-    drawing.level("modbus_tx", seen.edges["modbus_tx"], idle=1)
+    seen.lanes(drawing, "modbus_de", "modbus_tx")
     names = [Block(first.start + i * BIT, first.start + (i + 1) * BIT, n) for i, n in enumerate(BIT_NAMES)]
     drawing.blocks("bit", [*names, Block(second.start, second.start + BIT, "start")])
     drawing.arrows((first.start, second.start, f"{length}, {lasts}"))
@@ -453,14 +464,11 @@ def request_end(seen: Recorded, data: bytes, pin: str = "modbus_rx") -> float:
 
 def gate_lanes(drawing: Drawing, seen: Recorded) -> None:
     drawing.group("network line")
-    characters = [Block(c.start, c.end, c.text, FROM_OUTSIDE) for c in seen.characters("modbus_rx")]
-    drawing.level("modbus_rx", seen.edges["modbus_rx"], idle=1)
-    drawing.blocks("characters", characters)
-    drawing.level("modbus_de", seen.edges["modbus_de"])
-    drawing.level("modbus_tx", seen.edges["modbus_tx"], idle=1)
+    seen.lanes(drawing, "modbus_rx")
+    drawing.blocks("characters", seen.characters("modbus_rx", FROM_OUTSIDE))
+    seen.lanes(drawing, "modbus_de", "modbus_tx")
     drawing.group("commit gate")
-    for name in ("candidate", "commit", "revoke", "reply_queued"):
-        drawing.level(name.replace("_", " "), seen.edges[name])
+    seen.lanes(drawing, "candidate", "commit", "revoke", "reply_queued")
 
 
 def commit() -> Drawing:
@@ -477,7 +485,6 @@ def commit() -> Drawing:
         end - 6 * BIT,
         reply + 5 * BIT,
         BIT / 2,
-        "1 bit",
     )
     half = drawing.say("candidate after the request", bits(candidate - end))
     t35 = drawing.say("commit after the request", bits(committed - end))
@@ -509,13 +516,13 @@ def revoke() -> Drawing:
         end - 14 * BIT,
         end + 52 * BIT,
         BIT,
-        "2 bits",
     )
     half = drawing.say("candidate after the request", bits(candidate - end))
     stray_after = drawing.say("character after the request", bits(stray.start - end))
     seen_after = drawing.say("revoke after its start edge", bits(revoked - stray.start))
     assert candidate < seen.after("reply_queued", end) < revoked
-    assert seen.none_between("commit", end, end + 100 * BIT) and not seen.pulses("modbus_de")
+    assert not any(end <= rise <= end + 100 * BIT for rise, _ in seen.pulses("commit"))
+    assert not seen.pulses("modbus_de")
     gate_lanes(drawing, seen)
     drawing.arrows((end, candidate, f"half a character: {half}"))
     drawing.arrows((end, stray.start, f"next character: {stray_after}"))
@@ -534,18 +541,17 @@ def transaction(title: str, request: bytes, answered: bool = True) -> tuple[Draw
     answers = seen.frames("drive_rx", FROM_OUTSIDE)
     assert len(asked) == len(telegrams) == 1 and len(replies) == answered, title
     last = max(frame.end for frame in (*asked, *replies, *telegrams, *answers))
-    drawing = Drawing(title, asked[0].start - MS, last + 1.5 * MS, STEP_MS * MS, GRID_MS)
+    drawing = Drawing(title, asked[0].start - MS, last + 1.5 * MS, STEP_MS * MS, IN_MS)
     drawing.group("network line")
     drawing.blocks("master", asked)
     drawing.blocks("card", replies)
-    drawing.level("modbus_de", seen.edges["modbus_de"])
+    seen.lanes(drawing, "modbus_de")
     drawing.group("drive line")
     drawing.blocks("card", telegrams)
     drawing.blocks("drive", answers)
-    drawing.level("drive_de", seen.edges["drive_de"])
+    seen.lanes(drawing, "drive_de")
     drawing.group("commit gate")
-    for name in ("candidate", "commit", "drive_candidate", "drive_good"):
-        drawing.level(name.replace("_", " "), seen.edges[name])
+    seen.lanes(drawing, "candidate", "commit", "drive_candidate", "drive_good")
     after = drawing.say("telegram after the request", bits(telegrams[0].start - asked[0].end))
     # At this clock the telegram of a parameter is not ready at t3.5 (docs/guide/timing.md).
     late = telegrams[0].start - asked[0].end > (3.5 * CHARACTER_BITS + 2) * BIT
@@ -601,16 +607,16 @@ def loop_back() -> Drawing:
         telegram.start - 2 * MS,
         frame.end + 2 * MS,
         STEP_MS * MS,
-        GRID_MS,
+        IN_MS,
     )
     drawing.group("drive port")
     drawing.blocks("sends", [telegram])
     drawing.blocks("hears", seen.frames("drive_rx", FROM_OUTSIDE))
-    drawing.level("drive_de", seen.edges["drive_de"])
+    seen.lanes(drawing, "drive_de")
     drawing.group("network port")
     drawing.blocks("sends", [frame])
     drawing.blocks("hears", seen.frames("modbus_rx", FROM_OUTSIDE))
-    drawing.level("modbus_de", seen.edges["modbus_de"])
+    seen.lanes(drawing, "modbus_de")
     drawing.arrows(
         (telegram.end, frame.start, drawing.say("between the two", ms(frame.start - telegram.end)))
     )
@@ -627,14 +633,7 @@ def power_up() -> Drawing:
     with FastCard(seed=SHOWN_SEED) as card:
         card.run(LEDS_MS)
         shown = card.shown
-    drawing = Drawing(
-        "Power-up: what the LEDs show",
-        0,
-        LEDS_MS * MS,
-        LED_STEP_MS * MS,
-        f"{GRID * LED_STEP_MS:g} ms",
-        LED_COLOURS,
-    )
+    drawing = Drawing("Power-up: what the LEDs show", 0, LEDS_MS * MS, LED_STEP_MS * MS, IN_MS, LED_COLOURS)
     drawing.group("LED")
     for led in ("drive", "modbus"):
         history = shown[led]
@@ -658,27 +657,21 @@ def network_port() -> Drawing:
     """The ports of network_port at the end of a request and the beginning of its reply."""
     seen = Port("network_i", REGISTER)
     end = request_end(seen, REGISTER, "rx")
-    reply = seen.characters("tx")
+    reply = seen.characters("tx", FROM_CARD)
     drawing = Drawing(
-        "network_port: the end of a request and its reply",
-        end - 25 * BIT,
-        reply[1].end + 3 * BIT,
-        BIT,
-        "2 bits",
+        "network_port: the end of a request and its reply", end - 25 * BIT, reply[1].end + 3 * BIT, BIT
     )
     drawing.group("pins")
-    drawing.blocks("rx", [Block(c.start, c.end, c.text, FROM_OUTSIDE) for c in seen.characters("rx")])
-    drawing.level("de", seen.edges["de"])
-    drawing.blocks("tx", [Block(c.start, c.end, c.text, FROM_CARD) for c in reply])
+    drawing.blocks("rx", seen.characters("rx", FROM_OUTSIDE))
+    seen.lanes(drawing, "de")
+    drawing.blocks("tx", reply)
     drawing.group("memory")
     seen.memory(drawing, "write", FROM_OUTSIDE)
     seen.memory(drawing, "read", FROM_CARD)
     drawing.group("request")
-    for name in ("candidate", "commit", "silent"):
-        drawing.level(name, seen.edges[name])
+    seen.lanes(drawing, "candidate", "commit", "silent")
     drawing.group("control")
-    for name in ("start_seen", "quiet", "reply_start", "sending"):
-        drawing.level(name, seen.edges[name])
+    seen.lanes(drawing, "start_seen", "quiet", "reply_start", "sending")
     candidate, committed = (seen.after(name, end) for name in ("candidate", "commit"))
     started = seen.after("reply_start", end)
     half = drawing.say("candidate after the request", bits(candidate - end))
@@ -696,10 +689,11 @@ def handshake(kind: str, title: str, filling: str) -> Drawing:
     begin = seen.characters("rx")[0].start
     end, place, byte = [access for access in seen.accesses(kind) if access[0] > begin][1]
     rise = max(rise for rise, _ in seen.pulses(f"{kind}_valid") if rise < end)
-    drawing = Drawing(title, rise - 2 * seen.clock, end + 4 * seen.clock, seen.clock / 8, "¼ clock")
+    drawing = Drawing(
+        title, rise - 2 * seen.clock, end + 4 * seen.clock, seen.clock / 8, ("clock", seen.clock)
+    )
     drawing.level("clk", [(at, level) for at, level in seen.values["clk"] if at >= drawing.start], idle=1)
-    for name in ("valid", "ready"):
-        drawing.level(f"{kind}_{name}", seen.edges[f"{kind}_{name}"])
+    seen.lanes(drawing, f"{kind}_valid", f"{kind}_ready")
     # The other values change with the firmware, and nobody may use them.
     drawing.blocks(f"{kind}_addr", [Block(rise, end, str(place), FROM_CARD)], between="x")
     first, last = (rise, end) if kind == "write" else (end, end + seen.clock)
@@ -711,40 +705,26 @@ def handshake(kind: str, title: str, filling: str) -> Drawing:
     return drawing
 
 
-def memory_write() -> Drawing:
-    return handshake("write", "network_port: a byte goes to the frame memory", FROM_CARD)
-
-
-def memory_read() -> Drawing:
-    return handshake("read", "network_port: a byte comes from the frame memory", FROM_OUTSIDE)
-
-
 def drive_port() -> Drawing:
     """The ports of drive_port during a telegram and its reply."""
     seen = Port("drive_i", START)
-    telegram, answer = seen.characters("tx"), seen.characters("rx")
+    telegram, answer = seen.characters("tx", FROM_CARD), seen.characters("rx", FROM_OUTSIDE)
     started = seen.after("telegram_start", 0)
     good = next(at for at, level in seen.edges["good"] if level)
     drawing = Drawing(
-        "drive_port: a telegram and its reply",
-        started - 12 * BIT,
-        answer[-1].end + 26 * BIT,
-        2.5 * BIT,
-        "5 bits",
+        "drive_port: a telegram and its reply", started - 12 * BIT, answer[-1].end + 26 * BIT, 2.5 * BIT
     )
     drawing.group("pins")
-    drawing.level("de", seen.edges["de"])
-    drawing.blocks("tx", [Block(c.start, c.end, c.text, FROM_CARD) for c in telegram])
-    drawing.blocks("rx", [Block(c.start, c.end, c.text, FROM_OUTSIDE) for c in answer])
+    seen.lanes(drawing, "de")
+    drawing.blocks("tx", telegram)
+    drawing.blocks("rx", answer)
     drawing.group("memory")
     seen.memory(drawing, "read", FROM_CARD)
     seen.memory(drawing, "write", FROM_OUTSIDE)
     drawing.group("exchange")
-    for name in ("sending", "quiet", "candidate", "good"):
-        drawing.level(name, seen.edges[name])
+    seen.lanes(drawing, "sending", "quiet", "candidate", "good")
     drawing.group("control")
-    for name in ("telegram_start", "listening"):
-        drawing.level(name, seen.edges[name])
+    seen.lanes(drawing, "telegram_start", "listening")
     first = drawing.say("first bit after telegram_start", bits(telegram[0].start - started))
     right = drawing.say("good before the end of the reply", bits(answer[-1].end - good))
     pause = drawing.say("reply after the telegram", bits(answer[0].start - telegram[-1].end))
@@ -765,8 +745,10 @@ DRAWINGS: dict[str, Callable[[], Drawing]] = {
     "loop-back": loop_back,
     "power-up": power_up,
     "network-port": network_port,
-    "memory-write": memory_write,
-    "memory-read": memory_read,
+    "memory-write": partial(handshake, "write", "network_port: a byte goes to the frame memory", FROM_CARD),
+    "memory-read": partial(
+        handshake, "read", "network_port: a byte comes from the frame memory", FROM_OUTSIDE
+    ),
     "drive-port": drive_port,
 }
 
