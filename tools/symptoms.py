@@ -19,7 +19,6 @@ import subprocess
 import sys
 from bisect import bisect_right
 from collections.abc import Callable, Iterator
-from functools import partial
 from pathlib import Path
 
 from rtl.command import run_main
@@ -162,20 +161,37 @@ def record(card: FastCard, base: Path) -> None:
 # ---------------------------------------------------------------- the symptoms
 
 
-def no_answer() -> Bus:
+SYMPTOMS: dict[str, Callable[[], Bus]] = {}
+
+
+def symptom(**options: object) -> Callable:
+    """What happens on a card with these options; its name is that of the function."""
+
+    def add(happens: Callable[[Bus], None]) -> Callable[[Bus], None]:
+        def run() -> Bus:
+            card = Bus(**options)
+            happens(card)
+            return card
+
+        SYMPTOMS[happens.__name__.replace("_", "-")] = run
+        return happens
+
+    return add
+
+
+@symptom()
+def no_answer(card: Bus) -> None:
     """Another unit's request, a wrong rate, a wrong parity, a request to all; then a correct request."""
-    card = Bus()
     card.ask(rtu.build(2, READ_ENERGY[1:-2]))
     card.ask(READ_ENERGY, fmt=Format.named(19200, "8E1"))
     card.ask(READ_ENERGY, fmt=Format.named(9600, "8N1"))
     card.ask(rtu.build(0, READ_ENERGY[1:-2]))
     card.ask(READ_ENERGY)
-    return card
 
 
-def crc_errors() -> Bus:
+@symptom()
+def crc_errors(card: Bus) -> None:
     """CRC bytes in the wrong order, two flipped bits, one flipped bit; then a correct request."""
-    card = Bus()
     card.ask(READ_ENERGY[:-2] + READ_ENERGY[:-3:-1])
     turned = bytearray(READ_ENERGY)
     turned[3] ^= 0x24
@@ -183,12 +199,11 @@ def crc_errors() -> Bus:
     third_byte_bit_4 = 2 * card.modbus.fmt.bits + 1 + 4
     card.ask(READ_ENERGY, flaws=Flaws(glitches=[(third_byte_bit_4, 1.0)]))
     card.ask(READ_ENERGY)
-    return card
 
 
-def answers_sometimes() -> Bus:
+@symptom()
+def answers_sometimes(card: Bus) -> None:
     """Polls that are too early, after another unit's traffic, or followed by a stray character."""
-    card = Bus()
     card.ask(READ_CONTROL)
     card.ask(READ_CONTROL, pause_ms=card.characters(2.0))
     card.ask(READ_CONTROL)
@@ -198,12 +213,11 @@ def answers_sometimes() -> Bus:
     card.say(READ_CONTROL)
     card.ask(b"\x00", pause_ms=card.characters(2.0))
     card.ask(READ_CONTROL)
-    return card
 
 
-def exception_255() -> Bus:
+@symptom()
+def exception_255(card: Bus) -> None:
     """A silent drive, a drive with damaged replies, and a drive that answers."""
-    card = Bus()
     card.run_until(2300 * MS)  # after the LEDs' power-up sequence
     card.drive_spoils = lambda reply: None
     card.ask(READ_ENERGY, wait_ms=500)
@@ -212,60 +226,69 @@ def exception_255() -> Bus:
     card.drive_spoils = lambda reply: reply
     card.ask(READ_ENERGY)
     card.run(1200)
-    return card
 
 
-def no_start() -> Bus:
+@symptom(example=False)
+def no_start(card: Bus) -> None:
     """Start by coil 7 alone, which leaves bit 10 at 0; then by the whole control word."""
-    card = Bus(example=False)
     card.ask(rtu.build(1, rtu.write_coil(6, True)))
     card.ask(READ_STATUS)
     card.ask(START_40)
     card.run(1500)
     card.ask(START_40)
     card.ask(READ_STATUS)
-    return card
 
 
-def off_by_one() -> Bus:
+@symptom(example=False)
+def off_by_one(card: Bus) -> None:
     """A reference number on the wire instead of the address: a register, then coils."""
-    card = Bus(example=False)
     card.ask(rtu.build(1, rtu.read_registers(ENERGY + 1, 2)))
     card.ask(READ_ENERGY)
     card.ask(rtu.build(1, rtu.write_coils(1, word_coils(START))))
     card.ask(rtu.build(1, rtu.write_coils(0, word_coils(START))))
-    return card
 
 
-def usb_adapter() -> Bus:
+@symptom(baud=19200, example=False)
+def usb_adapter(card: Bus) -> None:
     """Requests in two pieces: with a short silence, with a long silence, and at a higher rate."""
-    card = Bus(baud=19200, example=False)
     for gap_ms in (0.5, 1.0, 16.0):
         bits = gap_ms * MS / card.modbus.fmt.bit_ps
         card.ask(START_40, flaws=Flaws(gaps={8: bits}))
     card.ask(START_40)
-    return card
 
 
-def fast_reply(image: str = "") -> Bus:
+@symptom()
+def rtu_over_tcp(card: Bus) -> None:
+    """A gateway that cuts a frame, then one that sends the next request right after the reply."""
+    card.ask(START_40, flaws=Flaws(gaps={8: 8 * MS / card.modbus.fmt.bit_ps}))
+    card.ask(READ_CONTROL)
+    card.ask(READ_CONTROL, pause_ms=1.0)
+    card.ask(READ_CONTROL)
+
+
+@symptom()
+def fast_reply(card: Bus) -> None:
     """Correct requests and replies: a master with a slow driver misses what is on the line."""
-    card = Bus(image=image)
     card.ask(READ_CONTROL)
     card.ask(READ_CONTROL)
-    return card
 
 
-def own_echo() -> Bus:
+@symptom(image="delay20")
+def delayed_reply(card: Bus) -> None:
+    """The same with the option that delays each reply."""
+    fast_reply(card)
+
+
+@symptom()
+def own_echo(card: Bus) -> None:
     """A write to a unit that is not there, whose echo looks like its reply; then the right unit."""
-    card = Bus()
     card.ask(rtu.build(2, rtu.write_register(RUN_TIME_OUT, 500)))
     card.ask(rtu.build(1, rtu.write_register(RUN_TIME_OUT, 500)))
-    return card
 
 
-def old_values() -> Bus:
+@symptom(example=False)
+def old_values(card: Bus) -> None:
     """A master that reads only coils after a start, and then a parameter."""
-    card = Bus(example=False)
     card.ask(START_40)
     card.run(1500)
     card.ask(READ_STATE)
@@ -273,42 +296,29 @@ def old_values() -> Bus:
     card.ask(READ_STATE)
     card.ask(READ_ENERGY)
     card.ask(READ_STATE)
-    return card
 
 
-def word_order() -> Bus:
+@symptom(example=False)
+def word_order(card: Bus) -> None:
     """A value of 32 bits, written with its words exchanged, and then in order."""
-    card = Bus(example=False)
     card.ask(rtu.build(1, rtu.read_registers(MAX_REFERENCE, 2)))
     for high, low in ((40_000, 0), (0, 40_000)):
         data = bytes([0x10]) + MAX_REFERENCE.to_bytes(2) + bytes([0, 2, 4])
         card.ask(rtu.build(1, data + high.to_bytes(2) + low.to_bytes(2)))
-    return card
 
 
-def merged_reads() -> Bus:
+@symptom()
+def merged_reads(card: Bus) -> None:
     """One request for two parameters, one for all registers between, then a request for each parameter."""
-    card = Bus()
     card.ask(rtu.build(1, rtu.read_registers(ENERGY, 12)))
     card.ask(rtu.build(1, rtu.read_registers(ENERGY, 4)))
     card.ask(READ_ENERGY)
     card.ask(rtu.build(1, rtu.read_registers(ENERGY + 10, 2)))
-    return card
 
 
-def rtu_over_tcp() -> Bus:
-    """A gateway that cuts a frame, then one that sends the next request right after the reply."""
-    card = Bus()
-    card.ask(START_40, flaws=Flaws(gaps={8: 8 * MS / card.modbus.fmt.bit_ps}))
-    card.ask(READ_CONTROL)
-    card.ask(READ_CONTROL, pause_ms=1.0)
-    card.ask(READ_CONTROL)
-    return card
-
-
-def led_states() -> Bus:
+@symptom()
+def led_states(card: Bus) -> None:
     """Power-up, a master, a drive, the drive lost, the drive back, the master lost."""
-    card = Bus()
     card.ask(rtu.build(1, rtu.write_register(RUN_TIME_OUT, 100)))  # network LED: 1 s
     card.run_until(3300 * MS)
     card.ask(READ_CONTROL)
@@ -318,48 +328,24 @@ def led_states() -> Bus:
     card.drive_spoils = lambda reply: None
     card.ask(READ_ENERGY, wait_ms=500)
     card.run_until(8300 * MS)
-    return card
 
 
-def led_fault() -> Bus:
+@symptom(address=0)
+def led_fault(card: Bus) -> None:
     """All address switches off: address 0 is invalid."""
-    card = Bus(address=0)
     card.ask(READ_CONTROL)
     card.run(1500)
-    return card
 
 
-def no_bias() -> Bus:
+@symptom()
+def no_bias(card: Bus) -> None:
     """The line falls to 0 as soon as the master lets go of it, twice; then it stays at 1."""
-    card = Bus()
     for _ in range(2):
         end = card.say(READ_CONTROL)
         card.plan(end, "modbus_line", 0)
         card.plan(end + 40 * MS, "modbus_line", 1)
         card.run_until(end + 60 * MS)
     card.ask(READ_CONTROL)
-    return card
-
-
-SYMPTOMS: dict[str, Callable[[], Bus]] = {
-    "no-answer": no_answer,
-    "crc-errors": crc_errors,
-    "answers-sometimes": answers_sometimes,
-    "exception-255": exception_255,
-    "no-start": no_start,
-    "off-by-one": off_by_one,
-    "usb-adapter": usb_adapter,
-    "rtu-over-tcp": rtu_over_tcp,
-    "fast-reply": fast_reply,
-    "delayed-reply": partial(fast_reply, "delay20"),
-    "own-echo": own_echo,
-    "old-values": old_values,
-    "word-order": word_order,
-    "merged-reads": merged_reads,
-    "led-states": led_states,
-    "led-fault": led_fault,
-    "no-bias": no_bias,
-}
 
 
 def make(name: str, folder: Path = RECORDINGS) -> Path:
