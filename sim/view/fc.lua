@@ -69,15 +69,6 @@ local TEXT_WORDS = { [IND_TEXT_READ] = " (read text)", [IND_TEXT_WRITE] = " (wri
 local MODBUS_PORT, MASTER_PORT = 8502, 8503 -- distinguish card and master for the Modbus dissector
 
 -- ---------------------------------------------------------------- words
-local function drive_names()
-  local names = {}
-  for name in pairs(tables.drives) do
-    names[#names + 1] = name
-  end
-  table.sort(names)
-  return names
-end
-
 local function parameter_name(drive, pnu)
   local known = drive.parameters[pnu]
   return known and known[1] or "unknown"
@@ -196,7 +187,7 @@ fc.experts = e
 
 local BY_CAPTURE = 0
 local choices = { { 1, "as the capture says", BY_CAPTURE } }
-for number, name in ipairs(drive_names()) do
+for number, name in ipairs(tables.drive_names) do
   choices[#choices + 1] = { number + 1, name, number }
 end
 fc.prefs.drive = Pref.enum("Drive", BY_CAPTURE, "Whose parameter names and status bits", choices, false)
@@ -206,7 +197,7 @@ local interface_description = Field.new("frame.interface_description")
 
 local function drive_of()
   if fc.prefs.drive ~= BY_CAPTURE then
-    return tables.drives[drive_names()[fc.prefs.drive]]
+    return tables.drives[tables.drive_names[fc.prefs.drive]]
   end
   local said = interface_description()
   return tables.drives[said and said.value:match("([%w_]+)$")] or tables.drives.vlt6000
@@ -276,8 +267,7 @@ local function add_parameter(tree, data, reply, drive)
     branch_value:add_proto_expert_info(e.refused, "Refused: " .. why)
     return what .. ": " .. why
   end
-  local has_value = ak ~= 0 and ak ~= AK_TEXT and (reply or ak ~= 1)
-  if not has_value then
+  if ak == 0 or ak == AK_TEXT or (ak == 1 and not reply) then
     return what
   end
   local shown = scaled(drive, pnu, value:uint())
@@ -309,16 +299,12 @@ local function is_reply(pinfo, adr)
   return pending ~= nil and pending.adr == adr
 end
 
-local function same_parameter(request, reply)
-  return request.pnu == reply.pnu
-end
-
 local function follow(pinfo, seen)
   local entry = { reply = seen.reply }
   linked[pinfo.number] = entry
   if seen.reply and pending then
     local asked = linked[pending.number]
-    if same_parameter(pending, seen) then
+    if pending.pnu == seen.pnu then
       asked.partner, entry.partner = pinfo.number, pending.number
       entry.time = pinfo.abs_ts - pending.at
       entry.pause = entry.time - pending.bytes * CHARACTER_BITS / BAUD
@@ -404,14 +390,12 @@ function fc.dissector(tvb, pinfo, root)
   tree:add(f.reply, reply):set_generated()
 
   local data = tvb(3, data_length)
-  local process = data(data_length - PROCESS, PROCESS)
-  local words = ""
-  local pnu
+  local words, pnu = ""
   if data_length >= AROUND_TEXT then
     pnu = bits.band(data(0, 2):uint(), drive.pnu_mask)
     words = add_parameter(tree, data, reply, drive) .. "; "
   end
-  words = words .. add_process(tree, process, reply, drive)
+  words = words .. add_process(tree, data(data_length - PROCESS, PROCESS), reply, drive)
 
   local bcc, right = tvb(length - 1, 1), bcc_of(tvb)
   local good = bcc:uint() == right
