@@ -21,25 +21,7 @@ from tools.lint import half_campaigns, half_rules
 TOP = "rtu2fc"
 TIMEOUT_S = 300  # for one command
 # System commands that the set-up needs, besides those it checks for.
-BASE_COMMANDS = [
-    "awk",
-    "bash",
-    "cat",
-    "cut",
-    "dirname",
-    "env",
-    "flock",
-    "grep",
-    "id",
-    "ln",
-    "make",
-    "mkdir",
-    "python3",
-    "rm",
-    "sed",
-    "sha256sum",
-    "tail",
-]
+BASE_COMMANDS = "awk bash cat cut dirname env flock grep id ln make mkdir python3 rm sed sha256sum tail"
 
 
 def command(*words: str, cwd: Path = ROOT, env: dict[str, str] | None = None):
@@ -209,11 +191,17 @@ def poor_machine(tmp_path) -> Path:
     """A folder for PATH with system commands and compilers, but without iverilog and apt-get."""
     text = (ROOT / "tools/setup.sh").read_text()
     needs = re.findall(r'^  "(?:demo|test) +command +(\S+)', text, re.MULTILINE)
-    for name in {*BASE_COMMANDS, "perl", *needs} - {"iverilog"}:
+    for name in {*BASE_COMMANDS.split(), "perl", *needs} - {"iverilog"}:
         (tmp_path / name).symlink_to(
             shutil.which(name, path="/usr/local/bin:/usr/bin:/bin:" + os.environ["PATH"])
         )
     return tmp_path
+
+
+def program(folder: Path, name: str, script: str) -> None:
+    (folder / name).unlink(missing_ok=True)
+    (folder / name).write_text(f"#!/bin/sh\n{script}\n")
+    (folder / name).chmod(0o755)
 
 
 def test_missing_tool_is_named(poor_machine):
@@ -227,18 +215,10 @@ def test_missing_tool_is_named(poor_machine):
 def test_missing_tool_without_root(poor_machine):
     """With apt-get but neither root nor sudo, the message gives the command to type."""
     for name, script in {"apt-get": "exit 1", "id": "echo 1000"}.items():
-        (poor_machine / name).unlink(missing_ok=True)
-        (poor_machine / name).write_text(f"#!/bin/sh\n{script}\n")
-        (poor_machine / name).chmod(0o755)
+        program(poor_machine, name, script)
     done = command("tools/setup.sh", "test", env={"PATH": str(poor_machine)})
     assert done.returncode == 2
     assert one_line(done.stderr) == "setup: missing: iverilog; as root: apt-get install iverilog"
-
-
-def program(folder: Path, name: str, script: str) -> None:
-    (folder / name).unlink(missing_ok=True)
-    (folder / name).write_text(f"#!/bin/sh\n{script}\n")
-    (folder / name).chmod(0o755)
 
 
 def test_packages_have_the_number_of_the_interpreter_in_use(poor_machine):
