@@ -21,14 +21,12 @@ from constraints import synth as synth_command
 from constraints.boards import (
     CARD,
     CONFIGURATION,
-    DOCS,
     TABLE,
     Board,
     board,
     boards,
     functions,
     gowin_pads,
-    pin_tables,
     ports,
     problems,
     unfinished,
@@ -455,11 +453,6 @@ def test_a_pin_that_the_package_has_not_is_refused_at_once(spoilt, name, old, ne
 @synth
 def test_a_clock_too_slow_for_its_configuration_is_found():
     assert "8000000 Hz are too slow" in "\n".join(problems(replace(BOARDS["icebreaker"], clk_hz=8_000_000)))
-
-
-@synth
-def test_pin_tables_equal_the_pin_files():
-    assert DOCS.read_text() == pin_tables(), "run `make pins`"
 
 
 def test_ports_are_read_bit_by_bit():

@@ -87,11 +87,6 @@ def test_ctrl_c_ends_workers_without_a_word(kind):
     assert stopped("-c", POOL, kind, begun="begun", times=2) == (130, "work: stopped\n")
 
 
-@pytest.mark.nightly("lint")
-def test_ctrl_c_ends_lint_in_one_line():
-    assert stopped("-m", "tools.lint", begun="rtl/rtl.f complete") == (130, "lint: stopped\n")
-
-
 def test_ctrl_c_ends_the_setup_in_one_line(tmp_path):
     slow = tmp_path / "python3"
     slow.write_text("#!/bin/sh\necho begun\nexec sleep 40\n")

@@ -59,14 +59,6 @@ def is_on(row: Row, *switches: str) -> str:
     return "".join({"ON": "1", "OFF": "0"}[row[switch]] for switch in switches)
 
 
-# ---------------------------------------------------------------- the generated blocks
-
-
-def test_blocks_are_current():
-    for page, text in handbook.pages().items():
-        assert page.read_text() == text, f"{page.name}: run `make regs`"
-
-
 # ---------------------------------------------------------------- switches, LEDs, drive
 
 

@@ -36,7 +36,6 @@ BAUD = 9600
 PS_PER_S = 1_000_000_000_000
 CHARACTER_PS = rtu.CHARACTER_BITS * rtu.bit_ps(BAUD)
 READ_CONTROL = with_crc(bytes.fromhex("01 01 00 00 00 20"))
-CONTROL_IS_0 = with_crc(bytes.fromhex("01 01 04 00 00 00 00"))
 START = bytes.fromhex("02 06 81 04 7C 19 99 7D")
 TSHARK_FIELDS = (
     *("frame.time_epoch", "frame.interface_name", "frame.packet_flags_direction", "frame.comment"),
@@ -103,26 +102,6 @@ def check_capture(entries: list[dict], packets: list[dict]) -> None:
         assert int(packet["frame.len"]) == len(bytes.fromhex(entry["bytes"]))
         assert packet["frame.comment"] == ("" if entry["ok"] else "bad frame: ") + entry["what"]
         assert (int(packet["frame.packet_flags"], 16) >> 24 == 0) == entry["ok"]
-
-
-def test_good_frames_of_both_lines(tmp_path):
-    def talk(t: Talk) -> None:
-        t.say(MODBUS, False, READ_CONTROL)
-        t.silence(3.6)
-        t.say(MODBUS, True, CONTROL_IS_0)
-        t.say(DRIVE, True, START)
-        t.silence(2.2)
-        t.say(DRIVE, False, bytes.fromhex("02 06 81 0F 03 20 00 A9"))
-
-    entries = [entry for entry, _ in agreed_entries(tmp_path, talk)]
-    assert [(e["line"], e["from"], e["ok"]) for e in entries] == [
-        ("modbus", "master", True),
-        ("modbus", "card", True),
-        ("drive", "card", True),
-        ("drive", "drive", True),
-    ]
-    assert entries[0]["t"] == pytest.approx(0.01)
-    assert entries[0]["end"] - entries[0]["t"] == pytest.approx(8 * CHARACTER_PS / PS_PER_S, abs=2e-6)
 
 
 @pytest.mark.rule("FRAME-2", "FRAME-3", "FRAME-4", "FC-8")

@@ -149,27 +149,6 @@ def rows(text: str) -> list[list[str]]:
     return [re.split(r"  +", line.strip()) for line in text.splitlines()]
 
 
-@pytest.mark.nightly
-def test_replay_prints_a_row_for_each_frame(capsys):
-    options = [*ASKED, "--channel", "1", "--invert", "yes"]
-    assert main([str(MODULE), *options]) == 0
-    text = capsys.readouterr().out
-    found = rows(text)
-    assert found[0] == ["time s", "silence", "row", "fate", "bytes"]
-    bus = [row for row in found if "bus" in row]
-    assert len(bus) == 15 and all(row[-2].startswith("candidate, committed") for row in bus)
-    assert bus[0] == ["0.0311", "bus", "candidate, committed", "01 01 00 03 00 01 0D CA"]
-    assert found[2][2:] == ["reply", "01 01 01 00 51 88"]
-    # A request to the drive, and a master that asks again 14 ms later (FRAME-7).
-    assert bus[2][-2:] == ["candidate, committed; not answered in time", "01 03 00 63 00 01 74 14"]
-    assert found[6][1:] == ["telegram", "02 0E 81 10 0A 00 00 00 00 00 00 00 00 00 00 97"]
-    assert text.splitlines()[-3:] == [
-        "15 frames or parts, 15 good; 0 for other units, 0 dropped",
-        "unit 1: 15 candidates, 15 committed, 0 revoked",
-        "sent: 10 replies, 6 telegrams",
-    ]
-
-
 def bus_file(path: Path, *frames: tuple[float, bytes, str], baud: int = 19200, form: str = "8E1") -> Path:
     """Frames, each after so many characters of silence, with a flaw in each byte or none."""
     line = LineFormat(baud, form, US)
