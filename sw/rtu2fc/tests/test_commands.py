@@ -17,7 +17,6 @@ import sys
 import threading
 import time
 import tty
-from pathlib import Path
 
 import pytest
 
@@ -31,6 +30,7 @@ from sw.rtu2fc.dialects import DIALECTS, meaning
 from sw.rtu2fc.problem import Problem
 from sw.rtu2fc.setup import SHARED
 from sw.rtu2fc.switches import BAUDS, FORMS
+from sw.rtu2fc.tests.test_check import start
 from tb.agents.crc16 import with_crc
 from tb.agents.rtu import build, read_registers
 from tb.lib.card import baud_switches
@@ -61,17 +61,8 @@ class Card(RunningCard):
         return [word for word in words if word != "0000"]
 
 
-def run(*words: object, env: dict[str, str] | None = None, stdin: str = "") -> subprocess.CompletedProcess:
-    return subprocess.run(
-        [sys.executable, "-m", "sw.rtu2fc", *map(str, words)],
-        cwd=ROOT,
-        input=stdin,
-        capture_output=True,
-        text=True,
-        timeout=60,
-        check=False,
-        env=os.environ | {"COLUMNS": "80"} | (env or {}),
-    )
+def started(*words: object) -> subprocess.Popen:
+    return start(*words, how=("-m", "sw.rtu2fc"))
 
 
 @pytest.fixture
@@ -142,9 +133,8 @@ def test_a_stop_ends_in_stopped_or_says_that_the_motor_turns(tmp_path, monkeypat
 
 def test_no_motor_starts_without_a_yes(tmp_path):
     with Card(tmp_path, "--quiet") as card:
-        done = run("start", card.link, 40)
-        assert done.returncode == 2 and done.stderr.count("\n") == 1
-        assert "the motor of unit 1 will turn at 40 %; nobody can be asked" in done.stderr
+        code, output = card.told("start", 40)
+        assert code == 2 and "the motor of unit 1 will turn at 40 %; nobody can be asked" in output
         card.ask("start", 0, "--yes")
         assert card.told("reference", 10)[0] == 2, "the start bit is set: the motor would follow"
         code, output = card.told("check", "--drive", "yes", "--start", 10)
@@ -170,8 +160,7 @@ def test_ctrl_c_tells_of_a_motor_that_was_started(tmp_path):
     """The drive has tripped, so that the command waits for it to run."""
     with Card(tmp_path, "--quiet", "--control") as card:
         card.command("trip")
-        words = [sys.executable, "-m", "sw.rtu2fc", "start", str(card.link), "40", "--yes"]
-        command = subprocess.Popen(words, cwd=ROOT, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True)
+        command = started("start", card.link, 40, "--yes")
         while "047C" not in card.controls():
             assert command.poll() is None
             time.sleep(0.05)
@@ -213,13 +202,7 @@ def test_a_stop_is_sent_before_anything_is_printed(tmp_path):
 def test_a_reader_that_stops_still_gets_the_stop_command(tmp_path):
     with Card(tmp_path, "--quiet") as card:
         for words in (("start", card.link, 40, "--yes"), ("start", card.link, 40, "--yes", "--json")):
-            command = subprocess.Popen(
-                [sys.executable, "-m", "sw.rtu2fc", *map(str, words)],
-                cwd=ROOT,
-                stdout=subprocess.PIPE,
-                stderr=subprocess.PIPE,
-                text=True,
-            )
+            command = started(*words)
             if "--json" not in words:
                 assert command.stdout.readline().startswith("telegram: control word 047Ch")
             command.stdout.close()
@@ -283,14 +266,7 @@ def test_grade_says_that_it_may_leave_a_motor_on(tmp_path):
     report = tmp_path / "report.json"
     says = "A motor behind unit 1 may turn. To stop it: rtu2fc stop "
     with Card(tmp_path, "--quiet") as card:
-        words = ["grade", str(card.link), "--yes", "--json", "--report", str(report)]
-        command = subprocess.Popen(
-            [sys.executable, "-m", "sw.rtu2fc", *words],
-            cwd=ROOT,
-            stdout=subprocess.PIPE,
-            stderr=subprocess.PIPE,
-            text=True,
-        )
+        command = started("grade", card.link, "--yes", "--json", "--report", report)
         while not any("write" in frame.what for frame in card.frames() if frame.line == "modbus"):
             assert command.poll() is None
             time.sleep(0.05)
@@ -570,8 +546,7 @@ def test_scan_only_listens_while_another_master_asks(tmp_path):
     ours, port_ = os.openpty()
     tty.setraw(port_)
     name = os.ttyname(port_)
-    words = [sys.executable, "-m", "sw.rtu2fc", "scan", name, "--json"]
-    command = subprocess.Popen(words, cwd=ROOT, stdout=subprocess.PIPE, text=True)
+    command = started("scan", name, "--json")
     while command.poll() is None:
         os.write(ours, with_crc(bytes.fromhex("09 03 14 13 00 02")))
         time.sleep(0.05)
@@ -583,10 +558,9 @@ def test_scan_only_listens_while_another_master_asks(tmp_path):
         os.close(fd)
 
 
-def test_the_virtual_card_is_started(tmp_path):
-    done = run("simulate", "--program", ROOT / "build/card", "--", "--version")
-    assert done.returncode == 0 and "rtu2fc" in done.stdout
-    assert Path(ROOT / "build/card").exists()
+def test_the_virtual_card_is_started():
+    command = started("simulate", "--program", ROOT / "build/card", "--", "--version")
+    assert "rtu2fc" in command.communicate(timeout=30)[0]
 
 
 # ---------------------------------------------------------------- the page
