@@ -36,7 +36,7 @@ from tools import trace
 from tools.prose import SOURCES, project_files
 
 TOP = "rtu2fc"
-EXAMPLE = [ROOT / f"docs/example/{name}.v" for name in ("holding_registers", "modbus_slave")]
+EXAMPLE = sorted((ROOT / "docs/example").glob("*.v"))
 # From the top down: a module may import what stands below it or in its own line.
 LAYERS = (
     ("tools",),
@@ -108,7 +108,7 @@ def verilator() -> list[str]:
         files = [ROOT / "tools/verilator.vlt", *card_files(config)]
         wrong += [f"{config}: {line}" for line in tool(*command, *files)]
     files = [ROOT / "tools/verilator.vlt", *needed_files("network_port"), *EXAMPLE]
-    return wrong + tool(*command[:-1], EXAMPLE[0].stem, *files)
+    return wrong + tool(*command[:-1], "slave_top", *files)
 
 
 def icarus() -> list[str]:

@@ -7,7 +7,8 @@
 // without a pause, at the commit, 3.5 characters after the request. The two bytes of a value are
 // read at once; each register is read when its turn in the reply comes.
 // A request has at most 12 registers. Exceptions: 01 other function, 02 no such register, 03 a
-// wrong length or number. A broadcast writes and gets no reply. rst: synchronous.
+// wrong length or number. A broadcast writes and gets no reply; a function above 127, the exception of
+// another slave, gets none. rst: synchronous, a clock or more.
 // Clock domain: clk. rx, tx, de: docs/guide/integration.md.
 `default_nettype none
 
@@ -75,7 +76,7 @@ module modbus_slave #(
   wire [7:0] error = !known ? 8'd1 : !right ? 8'd3 : !there ? 8'd2 : count > MOST ? 8'd3 : 8'd0;
 
   // The commit
-  wire commit = committing && silent;
+  wire commit = committing && silent && !code[7];
   reg [3:0] left;  // registers that are still to be written
   reg [3:0] at;
   wire [3:0] at_next = regs_write ? at + 4'd1 : 4'd0;

@@ -15,11 +15,13 @@ module slave_top #(
     output wire de,
     output wire led_n
 );
-  reg [3:0] started = 4'd0;
+  reg [3:0] started;
   wire rst = started != 4'd15;
-  wire [127:0] registers;
-  assign led_n = !registers[0];
+  wire [127:1] unused;
+  wire lit;
+  assign led_n = !lit;
 
+  initial started = 4'd0;
   always @(posedge clk) if (rst) started <= started + 4'd1;
 
   holding_registers #(
@@ -31,7 +33,7 @@ module slave_top #(
       .rx(rx),
       .tx(tx),
       .de(de),
-      .registers(registers)
+      .registers({unused, lit})
   );
 endmodule
 

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""docs/example/modbus_slave.v at its pins: every request against a model of its registers.
+"""docs/example/modbus_slave.v and slave_top.v at their pins: every request against a model of its registers.
 
 Times on the line are in bits, silences in the characters of FRAME-1.
 """
@@ -11,13 +11,14 @@ import subprocess
 
 import cocotb
 import pytest
+from cocotb.clock import Clock
 from cocotb.triggers import FallingEdge, RisingEdge, ValueChange
 
 from rtl.sources import needed_files
 from tb.agents import edges, rtu
 from tb.agents.modbus_master import ModbusMaster
 from tb.agents.uart import Flaws, Format, now_ps
-from tb.lib.bench import Bench
+from tb.lib.bench import Bench, clock_period_ps
 from tb.lib.line_tap import RecordedLine
 from tb.lib.nightly import on_verilator
 from tb.lib.runner import ROOT, run
@@ -26,7 +27,7 @@ from tb.rtl.test_parameters import TOOLS, elaboration
 
 SLAVE = ROOT / "docs/example/modbus_slave.v"
 # Slow, to save simulation time.
-CLK_HZ = {19_200: 500_000, 115_200: 4_000_000}
+CLK_HZ = {19_200: 500_000, 38_400: 2_500_000, 115_200: 4_000_000}
 SLOWEST_HZ = 16 * 19_200  # one clock a tick
 FORMS = ("8N2", "8O1", "8E1")  # by PARITY
 UNIT = 1
@@ -179,7 +180,7 @@ async def limits_of_every_request(dut):
         bytes([rtu.WRITE_REGISTERS, 0, 0, 0, 0, 0]),
         b"\x01\x00\x00\x00\x01",
         b"\x07",
-        b"\x86\x00\x00\x00\x01",
+        b"\x7f",
     ):
         await example.asks(pdu)
     assert example.registers[7] == 0x0102 and example.registers[0] == 0x1111
@@ -299,6 +300,8 @@ async def frames_that_are_not_good_for_this_unit_write_nothing(dut):
     await example.ignores(write, Flaws(bad_parity=(7,)))
     await example.ignores(write, Flaws(gaps={9: 2 * characters}))
     await example.ignores(write + b"\x00", Flaws(gaps={len(write): 2.5 * characters}))
+    for pdu in (b"\x83\x01", b"\x86\x00\x02\x00\x01", b"\xff"):
+        await example.ignores(rtu.build(UNIT, pdu))  # an exception of another slave
     assert len(example.changed_ps) == 1
     await example.asks(rtu.read_registers(0, 8))
 
@@ -321,6 +324,22 @@ async def a_character_at_the_commit_is_never_answered_late(dut):
         assert len(late) <= 1 and all(-0.25 <= bits <= 1 for bits in late), f"{late} bits after t3.5"
         answered.append(len(late))
     assert not answered[0] and answered[-1], "the first character is early, the last one late"
+
+
+@cocotb.test()
+async def the_led_follows_a_write(dut):
+    """Of slave_top, whose reset no pin gives."""
+    Clock(dut.clk, clock_period_ps(int(dut.CLK_HZ.value)), unit="ps").start()
+    baud = int(dut.BAUD.value)
+    line = RecordedLine(dut.rx, dut.tx, dut.de, Format.named(baud, "8E1"))
+    master, dark = ModbusMaster(line), 1
+    await line.source.idle(50)
+    for pdu in (rtu.read_registers(0, 1), *(rtu.write_register(0, value) for value in (1, 0xFFFE))):
+        assert dut.led_n.value == dark
+        wanted = Slave(1).reply(pdu)
+        assert await master.ask(UNIT, pdu, 2 * rtu.t35_ps(baud)) == wanted, pdu.hex(" ")
+        dark = 1 - pdu[4] % 2 if pdu[0] == rtu.WRITE_REGISTER else dark
+    assert dut.led_n.value == dark == 1
 
 
 WRONG = [
@@ -372,9 +391,10 @@ def test_modbus_slave_at_one_clock_a_tick():
     simulate("verilator", testcase=["random_.*", "frames_.*"], CLK_HZ=SLOWEST_HZ)
 
 
-@pytest.mark.parametrize("parity", [0, 1])
-def test_modbus_slave_with_another_parity(parity: int):
-    simulate("verilator", testcase=["random_.*", "first_.*"], PARITY=parity)
+@pytest.mark.parametrize(("parity", "baud"), [(0, 38_400), (1, 19_200)])
+def test_modbus_slave_with_another_parity(parity: int, baud: int):
+    """Above 19200 bit/s the silences are fixed."""
+    simulate("verilator", baud, ["random_.*", "first_.*"], PARITY=parity)
 
 
 def test_modbus_slave_with_more_registers():
@@ -385,7 +405,19 @@ def test_modbus_slave_with_a_delay():
     simulate("verilator", testcase=["random_.*", "a_reply_waits.*"], REPLY_DELAY=DELAY_MS)
 
 
+def test_slave_top_on_its_pins():
+    parameters = {"CLK_HZ": SLOWEST_HZ}
+    case, sources = "the_led_follows_a_write", sorted(SLAVE.parent.glob("*.v"))
+    run(
+        "slave_top",
+        "tb.rtl.test_modbus_slave",
+        sim="icarus",
+        extra_sources=sources,
+        parameters=parameters,
+        testcase=case,
+    )
+
+
 @pytest.mark.nightly
 def test_modbus_slave_at_the_highest_rate():
-    """Above 19200 bit/s the silences are fixed."""
     simulate("verilator", 115_200, [f"{name}.*" for name in (*EIGHT, "longest_")])
