@@ -371,7 +371,7 @@ class LineJudge:
         self.queue.remove(image)
         if before.kind == "image":
             self._join(image, [before])
-        elif before.writes:
+        elif before.writes and not before.second:  # only the newest request gets its second telegram (MAP-8)
             self.queue.insert(0, before)
         image.replaced = before
         self._start(image, max(exchange.queued_from, at), at + self.late)
