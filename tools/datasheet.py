@@ -43,13 +43,7 @@ TOP = ROOT / "rtl/rtu2fc.v"
 HARDWARE = ROOT / "docs/guide/hardware.md"
 SUITE = "conformance"  # page of the conformance suite
 SUITE_CARDS = ("standard card", "tiny card")
-# Reports whose figures are printed, and the commands that write them.
-COMMANDS = {
-    "bench": "make bench",
-    "line-quality": "make line-quality",
-    "synthesis": "make synth",
-    SUITE: "make conformance",
-}
+PRINTED = {"bench", "line-quality", "synthesis", SUITE}  # the reports with its figures
 PAGES = 2
 SIZES = (1.0, 0.96, 0.92)
 PARAMETER = re.compile(r"^\s*parameter\s+(?:\[[^\]]*\]\s*)?(\w+)\s*=\s*([^,\n]+)", re.MULTILINE)
@@ -128,14 +122,16 @@ class Table:
         return found[0]
 
 
+def lacking(report: str, what: str) -> DatasheetError:
+    return DatasheetError(f"docs/evidence.json has no {what}; run `make evidence ONLY={report}`")
+
+
 def of(report: str, subject: str) -> str:
     """The fingerprint of what a report was measured on."""
     try:
         return evidence()[report]["of"][subject]
     except KeyError as error:
-        raise DatasheetError(
-            f"docs/evidence.json has no {error.args[0]!r}; run `{COMMANDS[report]}`"
-        ) from None
+        raise lacking(report, repr(error.args[0])) from None
 
 
 def table(report: str, heading: str) -> Table:
@@ -143,8 +139,7 @@ def table(report: str, heading: str) -> Table:
     try:
         header, *rows = evidence()[report]["tables"][heading]
     except KeyError:
-        wanted = f"{report}, {heading}" if heading else report
-        raise DatasheetError(f"docs/evidence.json has no {wanted}; run `{COMMANDS[report]}`") from None
+        raise lacking(report, f"{report}, {heading}" if heading else report) from None
     return Table(report, header, rows)
 
 
@@ -369,7 +364,7 @@ def images() -> str:
 
 def older() -> str:
     """A notice if a report is of an older card."""
-    found = [name for name in measured.older() if name in COMMANDS]
+    found = [name for name in measured.older() if name in PRINTED]
     if not found:
         return ""
     commands = ", ".join(f"<code>make evidence ONLY={name}</code>" for name in found)
@@ -448,7 +443,7 @@ def main() -> int:
     for name, content in (("rtu2fc-datasheet.html", text.encode()), ("rtu2fc-datasheet.pdf", printed)):
         (folder / name).write_bytes(content)
         print(f"wrote {folder / name}" if folder != OUT else f"wrote {(folder / name).relative_to(ROOT)}")
-    if measured.older().keys() & COMMANDS.keys():
+    if measured.older().keys() & PRINTED:
         print(
             "datasheet: its figures are of an older card; `make evidence CHECK=1` lists them", file=sys.stderr
         )

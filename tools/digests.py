@@ -98,14 +98,14 @@ def firmware() -> list[Image]:
     return [Image(Path(name)) for name in said.split()]
 
 
-def design(entry: Board) -> None:
-    """Builds the board's placed and routed design, unless it is up to date."""
+def design(entry: Board) -> Path:
+    """The board's placed and routed design; builds it unless it is up to date."""
     finished = flow.BUILD / entry.name / f"{entry.top}{flow.suffix(entry)}"
-    if finished.exists() and flow.up_to_date(entry):
-        return
-    print(f"  {entry.name}: place and route", flush=True)
-    if wrong := synth.too_big(entry.name, synth.build(entry)):
-        raise BuildError("; ".join(wrong))
+    if not (finished.exists() and flow.up_to_date(entry)):
+        print(f"  {entry.name}: place and route", flush=True)
+        if wrong := synth.too_big(entry.name, synth.build(entry)):
+            raise BuildError("; ".join(wrong))
+    return finished
 
 
 def kept() -> tuple[str, dict[str, str]]:
@@ -129,15 +129,8 @@ def of_images(images: list[Image]) -> dict[str, str]:
     }
 
 
-def of_design(entry: Board) -> dict[str, str]:
-    """Builds the design unless it is there."""
-    design(entry)
-    path = flow.BUILD / entry.name / f"{entry.top}{flow.suffix(entry)}"
-    return {f"design-{entry.name}{path.suffix}": digest(path)}
-
-
 def of_designs(entries: list[Board]) -> dict[str, str]:
-    return {name: value for entry in entries for name, value in of_design(entry).items()}
+    return {f"design-{entry.name}{flow.suffix(entry)}": digest(design(entry)) for entry in entries}
 
 
 def different(found: dict[str, str], images: bool = True) -> list[str]:

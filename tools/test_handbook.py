@@ -33,10 +33,6 @@ def switch_rows(head: str) -> list[Row]:
     return rows("switches-and-leds", head)
 
 
-def register_rows(head: str) -> list[Row]:
-    return rows("registers-and-parameters", head)
-
-
 EXAMPLE_BLOCK = next(
     block[2]
     for block in handbook.BLOCK.finditer((PAGES / "examples.md").read_text())
@@ -184,7 +180,7 @@ def test_every_bit_of_both_words_has_its_row(name, first):
 
 @pytest.mark.rule("MAP-5")
 def test_every_local_register_has_its_row_with_its_default():
-    found = {n: row for row in register_rows("register") for n in numbers(row["register"])}
+    found = {n: row for row in rows("registers-and-parameters", "register") for n in numbers(row["register"])}
     assert sorted(found) == list(range(40001, 40010))
     model = CardModel()
     for number, row in found.items():

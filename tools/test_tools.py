@@ -15,7 +15,6 @@ import pytest
 
 from rtl.sources import configurations, macros_file
 from tb.lib.runner import ROOT
-from tb.lib.seeds import seeded
 from tools.lint import half_campaigns, half_rules
 
 TOP = "rtu2fc"
@@ -169,13 +168,10 @@ def test_file_list_sets_the_parameters_of_the_configuration(sources, config, tmp
 
 
 @pytest.mark.rule("TOP-1", "TOP-2")
-@pytest.mark.parametrize("order", ["reversed", pytest.param("shuffled", marks=pytest.mark.nightly)])
-def test_sources_elaborate_in_any_order_with_nothing_else(sources, order, config, tmp_path):
+def test_sources_elaborate_in_any_order_with_nothing_else(sources, config, tmp_path):
     """But for the macros of a configuration other than `standard`, which come first. In any folder."""
     macros = [line for line in sources if f"config_{config}" in line] if config != "standard" else []
     others = sorted((line for line in sources if line not in macros), reverse=True)
-    if order == "shuffled":
-        seeded("order").shuffle(others)
     # A file without `timescale takes that of the file before it, and Icarus says so.
     for elaborate in (
         ["iverilog", "-g2005", "-Wall", "-Wno-timescale", "-t", "null", "-s", TOP],

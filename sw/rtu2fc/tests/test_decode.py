@@ -14,18 +14,13 @@ import pytest
 
 from sim.card.run_card import ROOT
 from sw.rtu2fc import cli
+from sw.rtu2fc.tests.test_fc import IS_300, READ_514, START, STATUS
 from sw.rtu2fc.words import Words
 from tb.agents.line import Flaws, Format, waveform
 from tb.agents.rtu import build, read_registers
-from tb.model import fc_telegram
 
 RECORDINGS = sorted((ROOT / "docs/recordings").glob("*.jsonl"))
 DRIVE = Format(9600, "E", 1)
-START, STATUS = bytes.fromhex("02 06 81 04 7C 19 99 7D"), bytes.fromhex("02 06 81 0F 03 20 00 A9")
-READ_514, IS_300 = (
-    fc_telegram.build_parameter(1, 514),
-    fc_telegram.build_parameter(2, 514, pwe=300, pcd1=0x0F03),
-)
 
 
 def vcd(path: Path, *sent: tuple[str, float, Format, bytes, Flaws], invert: bool = False) -> Path:
