@@ -26,10 +26,10 @@ RESTING = {RESET: 1, IDLE: 0, "pause-dr": 0, "pause-ir": 0}
 
 IDCODE, BYPASS, STATUS, BUSY = 0xE0, 0xFF, 0x3C, 0xF0
 ENABLE, DISABLE, ERASE, FIRST_PAGE, REFRESH, PROGRAM_DONE = 0xC6, 0x26, 0x0E, 0x46, 0x79, 0x5E
-WRITE_PAGE, READ_PAGE, BITSTREAM, PRELOAD = 0x70, 0x73, 0x7A, 0x1C
+WRITE_PAGE, READ_PAGE, PRELOAD = 0x70, 0x73, 0x1C
 WRITE_FEATURE_ROW, READ_FEATURE_ROW, WRITE_FEABITS, READ_FEABITS = 0xE4, 0xE7, 0xF8, 0xFB
 LENGTH = {IDCODE: 32, BYPASS: 1, STATUS: 32, BUSY: 8, ENABLE: 8, ERASE: 8, WRITE_PAGE: 128, READ_PAGE: 128}
-LENGTH |= {PRELOAD: 208, BITSTREAM: 0, WRITE_FEATURE_ROW: 64, READ_FEATURE_ROW: 64}
+LENGTH |= {PRELOAD: 208, WRITE_FEATURE_ROW: 64, READ_FEATURE_ROW: 64}
 LENGTH |= {WRITE_FEABITS: 16, READ_FEABITS: 16}
 DONE_FLAG, ENABLED_FLAG, FAIL_FLAG = 1 << 8, 1 << 9, 1 << 13
 FLASH_MODE = 0x08
@@ -46,10 +46,6 @@ class Part:
         self.done = self.failed = False
         self.mode: int | None = None
         self.page = 0
-        # Bits of the bitstream sent to the configuration memory.
-        self.loaded: list[str] = []
-        # Pages that do not keep their first bit.
-        self.worn: set[int] = set()
         self.state = RESET
         self.command = IDCODE
         self.shifted = self.length = 0
@@ -80,9 +76,6 @@ class Part:
         return sent
 
     def shift(self, tdi: int, count: int) -> int:
-        if self.command == BITSTREAM and self.state == SHIFT_DR:
-            self.loaded.append(f"{tdi:0{count}b}"[::-1])
-            return 0
         wide = self.shifted | tdi << self.length
         self.shifted = wide >> count
         return wide & (1 << count) - 1
@@ -132,7 +125,7 @@ class Part:
             if self.mode != FLASH_MODE or (self.command == WRITE_PAGE and self.page == len(self.flash)):
                 self.failed = True
             elif self.command == WRITE_PAGE:
-                self.flash[self.page] |= value & ~1 if self.page in self.worn else value
+                self.flash[self.page] |= value
                 self.page += 1
             elif self.command == WRITE_FEATURE_ROW:
                 self.feature_row |= value

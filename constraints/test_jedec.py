@@ -289,34 +289,3 @@ def test_openfpgaloader_writes_the_same_pages(packed, part):
     # How it reads the FEABITS.
     pins = dict(re.findall(r"^\t([\w ]+?) *: (enable|disable)$", done.stdout, re.MULTILINE))
     assert {name for name, state in pins.items() if state == "enable"} == {"JTAG port"}
-
-
-@pytest.mark.nightly("synth")
-@pytest.mark.parametrize(("words", "noticed"), [(["--verify"], True), ([], False)])
-def test_only_verify_notices_a_page_that_did_not_keep_its_content(packed, part, words, noticed):
-    part.worn = {0}
-    done = openfpgaloader(part, "-f", *words, packed.with_suffix(".jed"))
-    assert not holds(part, packed.with_suffix(".jed"))
-    assert (done.returncode != 0, "Verify Failure" in done.stdout) == (noticed, noticed)
-
-
-@pytest.mark.nightly("synth")
-def test_an_uncompressed_bitstream_empties_the_flash_and_the_jed_recovers_it(packed, part):
-    """Why docs/guide/hardware.md forbids `-f` with one: openFPGALoader 0.10 even reports success."""
-    jed, plain = packed.with_suffix(".jed"), packed.parent / "plain.bit"
-    assert openfpgaloader(part, "-f", jed).returncode == 0 and holds(part, jed)
-    image.tool("yowasp-xo2pack", packed.parent / f"image{flow.suffix(BOARD)}", plain)
-    done = openfpgaloader(part, "-f", plain)
-    assert "Bitstream is not compressed- not writing." in done.stderr
-    assert (done.returncode, any(part.flash), part.feabits) == (0, False, 0x0460)
-    assert openfpgaloader(part, "-f", "--verify", jed).returncode == 0 and holds(part, jed)
-
-
-@pytest.mark.nightly("synth")
-def test_without_f_the_bitstream_goes_to_the_configuration_memory_only(packed, part):
-    done = openfpgaloader(part, packed)
-    assert done.returncode == 0, done.stdout + done.stderr
-    assert not any(part.flash) and not part.feabits
-    sent = "".join(part.loaded)
-    loaded = int(sent, 2).to_bytes(len(sent) // 8, "big")
-    assert loaded.partition(PREAMBLE)[2] == packed.read_bytes().partition(PREAMBLE)[2] != b""
