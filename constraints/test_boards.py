@@ -455,11 +455,6 @@ def test_a_clock_too_slow_for_its_configuration_is_found():
     assert "8000000 Hz are too slow" in "\n".join(problems(replace(BOARDS["icebreaker"], clk_hz=8_000_000)))
 
 
-def test_ports_are_read_bit_by_bit():
-    assert ports(BOARDS["icebreaker"].wrapper)["sw_addr_n[8]"] == "input"
-    assert len(ports(BOARDS["card-xo2-1200"].wrapper)) == 1 + 17 + 6 + 4
-
-
 # ---------------------------------------------------------------- a board of one's own
 
 ROW = """[board]

@@ -261,11 +261,6 @@ def read_sums(path: Path) -> dict[str, str]:
     return {name: value for value, name in (line.split("  ", 1) for line in path.read_text().splitlines())}
 
 
-def differences(one: dict[str, str], other: dict[str, str]) -> list[str]:
-    """Names that are in one list alone, or with another sum."""
-    return sorted(name for name in one.keys() | other.keys() if one.get(name) != other.get(name))
-
-
 def copy_sources(target: Path) -> None:
     """The files of this tree, but for those that git ignores; reports, pictures."""
     command = ["git", "ls-files", "-z", "--cached", "--others", "--exclude-standard"]
@@ -315,7 +310,7 @@ def check(words: list[str], draft: bool, version: str, chosen: list[Board]) -> i
         sys.exit(STOPPED)  # the second build has said that it stopped
     if done.returncode:
         raise ReleaseError("the second build failed (its message is above)")
-    other = differences(was, read_sums(AGAIN / "build/dist" / sums.name))
+    other = fingerprint.difference(was, read_sums(AGAIN / "build/dist" / sums.name))
     for name in other:
         second = AGAIN.relative_to(ROOT) / "build/dist"
         print(f"release: {name} differs between {DIST.relative_to(ROOT)} and {second}")
