@@ -328,10 +328,6 @@ def plant_build(monkeypatch) -> None:
     monkeypatch.setattr(image, "pack", lambda entry, design, packed: shutil.copyfile(design, packed))
 
 
-def test_design_of_these_sources_accepts_an_image(finished, hex_file, tmp_path):
-    assert image.make(finished, hex_file(sealed_image(finished, 5)), tmp_path / "out").exists()
-
-
 def spoil(entry: Board, what: str, monkeypatch, tmp_path) -> Board:
     """Changes something after `make synth`."""
     if what == "pins":
