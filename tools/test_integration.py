@@ -126,6 +126,33 @@ def test_the_guide_has_the_silences_of_each_rate():
         assert uneven == silences.half_uneven
 
 
+def test_the_attributes_of_the_guide_stand_in_their_modules():
+    shown = {
+        (module, attribute)
+        for row in rows_after("## Flip-flops that must stay", "| attribute | module | manual |")
+        for attribute in re.findall("`(.+?)`", row[0])
+        for module in re.findall("`(.+?)`", row[1])
+    }
+    written = {
+        (path.stem, attribute)
+        for path in (ROOT / "rtl/prim").glob("*.v")
+        for attributes in re.findall(r"\(\* (.+?) \*\)", path.read_text())
+        for attribute in attributes.split(", ")
+    }
+    assert shown == written and len(shown) == 7
+
+
+# ---------------------------------------------------------------- the example
+def test_the_guides_slave_elaborates_with_the_files_of_its_command(tmp_path):
+    module = GUIDE.split("```verilog\n", 1)[1].split("```", 1)[0]
+    command = re.search(r"^ls .*?(?=  )", GUIDE, re.MULTILINE)[0]
+    printed = subprocess.run(["sh", "-c", command], cwd=ROOT, capture_output=True, text=True, check=True)
+    (tmp_path / "top.v").write_text(module)
+    words = ["iverilog", "-g2005", "-Wall", "-t", "null", *printed.stdout.split(), tmp_path / "top.v"]
+    done = subprocess.run(words, cwd=ROOT, capture_output=True, text=True, check=False)
+    assert done.returncode == 0 and "modbus_slave #(" in module, done.stderr
+
+
 # ---------------------------------------------------------------- the example on two boards
 NETWORK_PINS = {
     "clk": "clk",
