@@ -20,7 +20,7 @@ module rtu2fc #(
     parameter CLK_HZ = `CONFIG_CLK_HZ,  // of clk
     parameter FIRMWARE_HEX = "firmware.hex",  // the image of `make firmware`, see firmware_ram
     parameter SOFT_CORE = `CONFIG_SOFT_CORE,  // 0: PicoRV32, 1: SERV
-    parameter LOCKSTEP = 1,  // 1: PicoRV32 twice, restart if they differ (SAFE-4); SERV: no effect
+    parameter LOCKSTEP = SOFT_CORE == 0,  // 1: PicoRV32 twice, restart if they differ (SAFE-4)
     parameter MEMORY_BYTES = `CONFIG_MEMORY_BYTES,  // program, data and frames, see bus_arbiter
     parameter MASTER_LOSS_STOP = 0,  // 1: firmware with that option may stop the drive (SAFE-7)
     parameter EXTENDED_SWITCHES = 0  // 1: 38400, 115200 bit/s and 8N1 (LINE-2, LINE-3)

@@ -164,6 +164,9 @@ module soft_core #(
     if (LOCKSTEP != 0 && LOCKSTEP != 1) begin : g_lockstep_mistake
       LOCKSTEP_is_neither_0_nor_1 mistake_i ();
     end
+    if (LOCKSTEP == 1 && SOFT_CORE == SERV) begin : g_no_second_serv
+      LOCKSTEP_needs_PicoRV32 mistake_i ();
+    end
   endgenerate
   // verilator lint_on PINMISSING
 

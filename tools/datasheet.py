@@ -59,7 +59,7 @@ MEANING = {
     "FIRMWARE_HEX": "firmware image",
     "SOFT_CORE": "0 PicoRV32, 1 SERV",
     "MEMORY_BYTES": "firmware memory",
-    "LOCKSTEP": "1: PicoRV32 twice; SERV: no effect",
+    "LOCKSTEP": "1: PicoRV32 twice; 0 with SERV",
     "MASTER_LOSS_STOP": "1: may stop the drive",
     "EXTENDED_SWITCHES": "1: 38400, 115200, 8N1",
     "rst_n": "reset, active low",

@@ -123,7 +123,11 @@ class CardModel {
     top_->modbus_rx = 1;
     top_->drive_rx = 1;
   }
-  ~CardModel() { finish(); }
+  ~CardModel() {
+    finish();
+    // The model takes its names out of the thread's context, which may be that of another card, and freed.
+    Verilated::threadContextp(&context_);
+  }
   CardModel(const CardModel&) = delete;
   CardModel& operator=(const CardModel&) = delete;
 
