@@ -29,6 +29,7 @@ from systemrdl import RDLCompiler
 from systemrdl.node import FieldNode, RegNode
 
 from regs import dialects, fc
+from regs.areas import STRIDE
 from rtl.command import run_main, write_files
 from rtl.sources import needed_files, rtl_files
 
@@ -41,7 +42,6 @@ VERSION = "VERSION"
 PACKAGES = {"tb/agents/pyproject.toml": r'^(version = )".*"$', "sw/rtu2fc/__init__.py": r'^(VERSION = )".*"$'}
 PACKAGES["sw/conformance/__init__.py"] = PACKAGES["sw/rtu2fc/__init__.py"]
 EXAMPLE = "docs/example/modbus_slave.core"
-WORD_BYTES = 4
 # Start value of silence_timer's count at each half character; the module gives the reason.
 SILENCE_START = 18
 
@@ -115,7 +115,7 @@ def c_header(registers: Map) -> str:
     # The frame memory is no struct, because its lanes are interleaved.
     lines = ["// Addresses in the frame memory; the bytes of a frame are FRAME_STRIDE apart."]
     lines += [f"#define FRAMES_address 0x{registers.frames_base:08x}u"]
-    lines += [f"#define FRAMES_bytes {registers.frames_bytes}u", f"#define FRAME_STRIDE {WORD_BYTES}u"]
+    lines += [f"#define FRAMES_bytes {registers.frames_bytes}u", f"#define FRAME_STRIDE {STRIDE}u"]
     for area in registers.areas:
         address = registers.frames_base + area.raw_absolute_address
         lines.append(f"#define {area.inst_name}_address 0x{address:08x}u")
@@ -125,6 +125,8 @@ def c_header(registers: Map) -> str:
             name = f"MAILBOX__{reg.inst_name}__{field.inst_name.upper()}"
             for value, number in enum_members(field):
                 lines.append(f"#define {name}__{value.upper()} {number}u")
+    # Nothing needs the widths, nor the resets to 0.
+    text = re.sub(r"^#define \w+(?:_bw \d+|_reset 0x0)\n", "", text, flags=re.MULTILINE)
     head, tail = text.split("#include <stdint.h>\n", 1)
     text = f"{head}#include <stdint.h>\n\n" + "\n".join(lines) + "\n" + tail
     return banner("//", RDL) + text.rstrip() + "\n"
@@ -143,70 +145,11 @@ def python_constants(registers: Map) -> str:
         banner("#", RDL).rstrip(),
         '"""The mailbox map: registers from BASE on, frames and counters from FRAMES on, in bytes."""',
         "",
-        "from dataclasses import dataclass",
-        "",
-        "",
-        "@dataclass(frozen=True)",
-        "class Field:",
-        '    """One field; reset is None if it has none, and so is its port of rtl/mailbox_regs.v."""',
-        "",
-        "    bit: int",
-        "    width: int",
-        "    reset: int | None",
-        "    port: str | None = None",
-        "    pulse: bool = False",
-        "",
-        "    def get(self, word: int) -> int:",
-        '        """The field\'s value inside a register word."""',
-        "        return (word >> self.bit) & ((1 << self.width) - 1)",
-        "",
-        "    def put(self, value: int) -> int:",
-        '        """A register word with this field set and all others 0."""',
-        "        assert 0 <= value < 1 << self.width",
-        "        return value << self.bit",
-        "",
-        "",
-        "@dataclass(frozen=True)",
-        "class Register:",
-        '    """One register of `size` bytes."""',
-        "",
-        "    offset: int",
-        "    size: int",
-        "    fields: dict[str, Field]",
-        "",
-        "    def unpack(self, word: int) -> dict[str, int]:",
-        "        return {name: field.get(word) for name, field in self.fields.items()}",
-        "",
-        "    def pack(self, **values: int) -> int:",
-        "        return sum(self.fields[name].put(value) for name, value in values.items())",
-        "",
-        "",
-        "@dataclass(frozen=True)",
-        "class Area:",
-        '    """A frame or a counter: element i has `size` bytes at FRAMES + `offset` + i * STRIDE."""',
-        "",
-        "    offset: int",
-        "    length: int",
-        "    size: int",
-        "",
-        "    def at(self, i: int) -> int:",
-        '        """Offset of element i."""',
-        "        assert 0 <= i < self.length",
-        "        return self.offset + i * STRIDE",
-        "",
-        "    @property",
-        "    def slot(self) -> int:",
-        "        return self.offset // STRIDE",
-        "",
-        "    @property",
-        "    def lane(self) -> int:",
-        "        return self.offset % STRIDE",
-        "",
+        "from regs.areas import Area, Field, Register",
         "",
         f"BASE = 0x{registers.mailbox.absolute_address:08X}",
         f"FRAMES = 0x{registers.frames_base:08X}",
         f"FRAMES_BYTES = {registers.frames_bytes}",
-        f"STRIDE = {WORD_BYTES}",
         "",
         "REGISTERS = {",
     ]
@@ -251,10 +194,10 @@ def verilog_fields(registers: Map) -> tuple[list[str], list[str]]:
         if field.get_property("onwrite"):
             happens.append(f"{port} << {field.low}")
         elif reg.size == 1:
-            again = at < WORD_BYTES and at + WORD_BYTES not in offsets
-            shown += [f"{port} << {8 * place + field.low}" for place in (at, at + WORD_BYTES)[: 1 + again]]
+            again = at < STRIDE and at + STRIDE not in offsets
+            shown += [f"{port} << {8 * place + field.low}" for place in (at, at + STRIDE)[: 1 + again]]
         elif field.get_property("singlepulse"):
-            written["pulses"][port] = f"word == 3'd{at // WORD_BYTES} && {bits}"
+            written["pulses"][port] = f"word == 3'd{at // STRIDE} && {bits}"
         elif port:
             written["fields" if field_reset(field) is None else "kept"][port] = bits
     read = [f"wire [63:0] g_shown = {' | '.join(shown)};", f"wire [7:0] g_happens = {' | '.join(happens)};"]

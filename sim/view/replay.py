@@ -28,9 +28,10 @@ from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 
+from regs.areas import STRIDE
 from regs.dialects import DIALECTS as TABLE
 from regs.dialects import folder_with
-from regs.generated.mailbox import AREAS, FRAMES_BYTES, STRIDE
+from regs.generated.mailbox import AREAS, FRAMES_BYTES
 from rtl.command import Parser, run_main
 from rtl.sources import ROOT, configuration, configurations
 from sim.harness.library import BuildError, Target

@@ -26,7 +26,8 @@ from pathlib import Path
 
 from vcd.gtkw import GTKWColor, GTKWSave
 
-from regs.generated.mailbox import AREAS, BASE, FRAMES, REGISTERS, STRIDE
+from regs.areas import STRIDE
+from regs.generated.mailbox import AREAS, BASE, FRAMES, REGISTERS
 from rtl.command import run_main
 from sim.view.wave_file import Signal, WaveFile
 

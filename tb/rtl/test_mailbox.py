@@ -6,7 +6,8 @@ from __future__ import annotations
 import cocotb
 import pytest
 
-from regs.generated.mailbox import REGISTERS, VALUES, Register
+from regs.areas import Register
+from regs.generated.mailbox import REGISTERS, VALUES
 from tb.lib.bench import Bench, Strobes, inputs
 from tb.lib.runner import run
 from tb.lib.seeds import seeded
