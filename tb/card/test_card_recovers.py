@@ -166,8 +166,8 @@ CASES = [
 
 def outcomes(options: dict[str, int], rest: int, pieces: int) -> Iterator[str]:
     lines = [("standard", baud, form) for baud, form in product(RATES, FORMATS)]
-    # The small card has no image with other options.
-    lines += [] if options else [("tiny", baud, "8E1") for baud in RATES]
+    # The small card has no image with other options. At this clock it is too slow for a master at 115200 bit/s.
+    lines += [] if options else [("tiny", RATES[0], "8E1")]
     for config, baud, form in lines:
         line = LineFormat(baud, form, SLOW_HZ[config])
         bus = Bus(config, line, options, rest, seeded(f"rubbish {config} {baud} {form} {options} {rest}"))
