@@ -166,7 +166,7 @@ CASES = [
 
 def outcomes(options: dict[str, int], rest: int, pieces: int) -> Iterator[str]:
     lines = [("standard", baud, form) for baud, form in product(RATES, FORMATS)]
-    # The small card has no image with other options. At this clock it is too slow for a master at 115200 bit/s.
+    # The small card has no image with other options, and at this clock it is too slow for 115200 bit/s.
     lines += [] if options else [("tiny", RATES[0], "8E1")]
     for config, baud, form in lines:
         line = LineFormat(baud, form, SLOW_HZ[config])
