@@ -22,12 +22,13 @@ class Fault:
 
 
 VALUE = "the value"
+DRIVE_SILENT = "the card answers, but its drive does not"  # other registers are answered
 FAULTS = (
     Fault("delay", "answers 0.3 s late", VALUE, 0),
     Fault("split", "sends its reply in two parts, 40 ms apart", VALUE, 0),
     Fault("slow", "answers each request 0.5 s after the longest wait", VALUE, 0),
-    Fault("late", "answers after the longest wait of the request and its repeat", "no answer", 4),
-    Fault("empty", "does not answer", "no answer", 4),
+    Fault("late", "answers after the longest wait of the request and its repeat", DRIVE_SILENT, 4),
+    Fault("empty", "does not answer for a parameter", DRIVE_SILENT, 4),
     Fault("junk", "answers by ten other bytes", "damaged answer", 4),
     Fault("bit", "answers with one wrong bit", "damaged answer", 4),
     Fault("cut", "sends the first five bytes of its reply", "damaged answer", 4),
