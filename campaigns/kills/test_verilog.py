@@ -3,8 +3,6 @@
 
 from __future__ import annotations
 
-import re
-
 import pytest
 
 from campaigns.kills import verilog as mutate
@@ -100,7 +98,8 @@ def test_each_excuse_fits_a_mutant_of_the_present_module(monkeypatch, tmp_path, 
     }
     assert mutate.excused() <= known and not capsys.readouterr().err
     old = tmp_path / "survivors.toml"
-    old.write_text(re.sub('of = "02', 'of = "03', mutate.EXCUSES.read_text()))
+    (core,) = [path for path in rtl_files() if path.stem == "soft_core"]
+    old.write_text(mutate.EXCUSES.read_text().replace(mutate.fingerprint(core), "0"))
     monkeypatch.setattr(mutate, "EXCUSES", old)
     assert "soft_core" not in {module for module, _ in mutate.excused()}
     assert "another soft_core.v" in capsys.readouterr().err
