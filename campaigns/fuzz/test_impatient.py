@@ -13,7 +13,7 @@ from campaigns.fuzz.impatient import OWN_CLOCK, make, play
 from tb.lib.seeds import cases, seeded
 
 # A sequence of the small card takes as long as 8 of the other's.
-SEQUENCES = {"standard": cases(8, 12), "tiny": 6}
+SEQUENCES = {"standard": cases(8, 60), "tiny": 6}
 
 
 @pytest.mark.rule("SAFE-8", "FRAME-7", "FC-9", "MAP-3")

@@ -105,6 +105,7 @@ class Exchange:
     overtaken: bool = False
     settled: float = NEVER  # when the overtaking request was committed or revoked
     superseded: float = NEVER  # when a newer request was committed; no repeat after that (FC-9)
+    given_up: bool = False  # perhaps, for a reading that still waited as the wait ended (FC-9)
     receiver: DriveReceiver | None = None
     held: float = 0.0  # clocks for which a telegram after it, dropped since, may wait for a busy line
     held_before: float = 0.0  # of the exchange before: this one gives up so much later, on a busy line alone
@@ -390,6 +391,7 @@ class LineJudge:
             self.dropped, self.dropped_at = gone[-1], at
             self.queue = [older for older in self.queue if self._keeps_place(older)]
             if exchange.phase == "wait" and at >= self._wait_from(exchange):
+                exchange.given_up = self.candidate_at + self.budget >= self._wait_from(exchange)
                 # The wait ended before, and the dropped reading holds a busy line for as long again.
                 exchange.held = self._ms(min(exchange.waits[1], GIVE_UP)) + TICK_MS * self.ms + self.budget
         if step.reply is not None:
@@ -748,7 +750,7 @@ class LineJudge:
         surely = exchange.queued_from + OVERTAKEN_MS / 2 * self.ms if exchange.overtaken else NEVER
         if not exchange.overtaken:
             surely = self._abandoned_from(exchange)
-        elif exchange.sends == 0:
+        elif exchange.sends == 0 or exchange.given_up:
             surely = -NEVER
         start_by = self._starts_by(exchange.queued_by)
         if start_by < min(to, surely):
@@ -767,7 +769,7 @@ class LineJudge:
         """The wait ended without a reply: repeat once, but not after a newer request, or abandon (FC-9)."""
         superseded = at > exchange.superseded and not self._keeps_its_repeat(exchange)
         if exchange.sends == 1 and (not superseded or repeated):
-            exchange.overtaken |= superseded
+            exchange.overtaken |= superseded or exchange.given_up
             exchange.queued_from, exchange.queued_by = self._wait_from(exchange), at
             exchange.phase, exchange.receiver = "line", None
         else:
