@@ -48,7 +48,7 @@ def other_folder(monkeypatch, request) -> Path:
 # CI builds one board of each test: a build takes one to six minutes.
 TWIN = pytest.mark.nightly
 OTHERS = [pytest.param(family, marks=TWIN) for family in FULL if family != "machxo2"]
-GOWIN = ["card-gw1n-9", pytest.param("tang-nano-9k", marks=TWIN)]
+GOWIN = BOARDS["tang-nano-9k"]
 
 
 @pytest.mark.parametrize("family", ["machxo2", *OTHERS])
@@ -117,10 +117,9 @@ def bytes_of_image(entry: Board, firmware: Path) -> list[list[int]]:
 
 
 @pytest.mark.nightly
-@pytest.mark.parametrize("name", GOWIN)
-def test_the_block_rams_of_a_finished_bitstream_hold_the_firmware(name, tmp_path):
+def test_the_block_rams_of_a_finished_bitstream_hold_the_firmware(tmp_path):
     """With the present firmware, in the design that `make synth` has left if it is of these sources."""
-    entry = BOARDS[name]
+    entry = GOWIN
     if not flow.up_to_date(entry):
         synth.build(entry)
     bitstream = image.make(entry, entry.firmware, tmp_path / "firmware.fs")
@@ -156,10 +155,9 @@ def part_and_pins(entry: Board, bitstream: Path) -> tuple[int, set[str]]:
 
 
 @pytest.mark.nightly
-@pytest.mark.parametrize("name", GOWIN)
-def test_a_finished_bitstream_is_for_its_part_and_keeps_the_configuration_pins(name, tmp_path):
+def test_a_finished_bitstream_is_for_its_part_and_keeps_the_configuration_pins(tmp_path):
     """As docs/guide/hardware.md says: JTAG stays, and RECONFIG_N, READY, DONE and the SPI pins stay."""
-    entry = BOARDS[name]
+    entry = GOWIN
     if not flow.up_to_date(entry):
         synth.build(entry)
     packed = image.make(entry, entry.firmware, tmp_path / "firmware.fs")
@@ -168,7 +166,7 @@ def test_a_finished_bitstream_is_for_its_part_and_keeps_the_configuration_pins(n
     assert f"GW1N-9C {PART_ID:#x}" in guide
     # Packed with the options that free these pins, they are found.
     freed = tmp_path / "freed.fs"
-    design = flow.BUILD / name / f"{entry.top}{flow.suffix(entry)}"
+    design = flow.BUILD / entry.name / f"{entry.top}{flow.suffix(entry)}"
     program = Path(sys.executable).parent / "gowin_pack"
     command = [program, *GPIO_OPTIONS, "-d", entry.gowin_die, "-o", freed, design]
     subprocess.run(command, check=True, capture_output=True)
