@@ -533,10 +533,12 @@ class LineJudge:
     def _wait_by(self, exchange: Exchange) -> float:
         slowest = (TICK_MS + LAST_CHARACTER_MS) * self.ms + self.budget
         alone = exchange.end + self._ms(exchange.waits[1])
-        if all(request.overtaken for request in self.queue):  # nothing may be waiting any more
-            return alone + slowest
-        wanted = max(exchange.end + self._ms(GIVE_UP), exchange.wanted)
+        wanted = max(exchange.end + self._ms(GIVE_UP), self._still_wanted(exchange))
         return min(alone, wanted) + slowest
+
+    def _still_wanted(self, exchange: Exchange) -> float:
+        """When the first newer request that surely waits was committed: an overtaken reading may not wait."""
+        return min((one.committed for one in self._newer(exchange) if not one.overtaken), default=NEVER)
 
     def _quiet_at(self, at: float) -> float:
         """When the drive line will have been silent for two characters, as seen at `at`."""
@@ -564,8 +566,7 @@ class LineJudge:
     def _line_until(self, exchange: Exchange) -> float:
         """Latest start of a telegram that waits for the line."""
         most, queued_by = self._ms(exchange.waits[1]), exchange.queued_by + exchange.held_before
-        if exchange.wanted < NEVER:
-            most = min(most, max(self._ms(GIVE_UP), exchange.wanted - queued_by))
+        most = min(most, max(self._ms(GIVE_UP), self._still_wanted(exchange) - queued_by))
         return queued_by + most + TICK_MS * self.ms + self.budget
 
     def _telegram(self, burst: Burst) -> None:
