@@ -19,7 +19,17 @@ from campaigns.bench.card import BenchError, Build
 from campaigns.bench.judge import Outcome
 from campaigns.bench.report import REPORT_TABLES, CardResults, Image, printed, tables
 from campaigns.bench.wave import FORMAT_NAMES
-from campaigns.bench.work import FORM, KINDS_OF_WORK, PHASES, PHASES_AT, Piece, fast, whole
+from campaigns.bench.work import (
+    ALL_FORMS_FROM,
+    EACH_SIZE_FROM,
+    FORM,
+    KINDS_OF_WORK,
+    PHASES,
+    PHASES_AT,
+    Piece,
+    fast,
+    whole,
+)
 from campaigns.engine import Campaign, EngineError, Row, Store
 from rtl.command import Parser, run_main
 from rtl.sources import SourcesError
@@ -88,6 +98,8 @@ class TurnaroundBench(Campaign):
             "commands": " and ".join(f"`make bench CONFIG={c} SEED={seed}`" for c, seed in seeds.items()),
             "formats": ", ".join(FORMAT_NAMES),
             "form": FORM,
+            "all_forms_from": ALL_FORMS_FROM,
+            "each_size_from": EACH_SIZE_FROM,
             "phases": PHASES,
             "phases_at": " and ".join(map(str, PHASES_AT)),
             "missed": [f"{config}: {fault}" for config, each in results.items() for fault in each.faults()],

@@ -40,12 +40,15 @@ REPEATS_ELSE = 4
 # The slowest cases, where the firmware has least time. Four repeats missed one that was late in one phase of
 # fifty.
 PHASES, PHASES_AT = 100, (38400, 115200)
-# At lower rates each format has a quarter of the sizes: every size once at each rate. At 300 and 1200 bit/s
-# the card has most time and a request takes longest, so two formats have the extremes alone.
-EACH_SIZE_FROM, QUARTER_FROM = 9600, 2400
+# Below this rate each format has a quarter of the sizes: every size once at each rate.
+EACH_SIZE_FROM = 38400
+# Below these rates the card has most time and a request takes longest: two formats and the extreme sizes are
+# enough. A second of the small card takes three times as long to simulate.
 SLOW_FORMS = (FORM, SETTLED_FORM)
-# Random requests by rate, 5,000 in all and equally many in each format: more where more fit into a second.
-RANDOM = {300: 16, 1200: 48, 2400: 100, 4800: 252, 9600: 700, 19200: 1300, 38400: 1284, 115200: 1300}
+ALL_FORMS_FROM = {"standard": 4800, "tiny": 19200}
+SLOWEST_RATE = 300  # one format
+# Random requests by rate, equally many in each format: more where more fit into a second.
+RANDOM = {300: 8, 1200: 24, 2400: 48, 4800: 128, 9600: 352, 19200: 648, 38400: 640, 115200: 648}
 RANDOM_PIECE = 50
 
 FAST_RANDOM = (
@@ -95,7 +98,7 @@ def _turnaround(
 
 def _sizes(baud: int, form: str, seed: int, build: Build) -> Piece:
     names = tuple(SIZES)
-    if baud < QUARTER_FROM:
+    if baud < ALL_FORMS_FROM[build.config]:
         names = EXTREMES
     elif baud < EACH_SIZE_FROM:
         names = names[FORMAT_NAMES.index(form) :: len(FORMAT_NAMES)]
@@ -115,14 +118,19 @@ def _random(baud: int, seed: int, build: Build) -> Iterator[Piece]:
 
 
 def whole(seed: int) -> Iterator[Piece]:
-    """The same for each card."""
     for build in CARDS:
         yield from _card(seed, build)
 
 
+def _forms(baud: int, build: Build) -> tuple[str, ...]:
+    if baud == SLOWEST_RATE:
+        return (FORM,)
+    return FORMAT_NAMES if baud >= ALL_FORMS_FROM[build.config] else SLOW_FORMS
+
+
 def _card(seed: int, build: Build) -> Iterator[Piece]:
     for baud in BAUDS:
-        for form in FORMAT_NAMES if baud >= QUARTER_FROM else SLOW_FORMS:
+        for form in _forms(baud, build):
             quick = {"quick": form != FORM}
             repeats = REPEATS.get(baud, REPEATS_ELSE)
             yield _turnaround("turnaround", baud, form, seed, repeats, tuple(CASES), build)
