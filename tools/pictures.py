@@ -237,7 +237,7 @@ def page() -> str:
 def resistor(picture: Picture, x: float, top: float, bottom: float) -> None:
     """Upright, with its leads."""
     picture.line("thin", (x, top), (x, bottom))
-    picture.box(x - 7, top + 8, 14, bottom - top - 16, "orange", 2)
+    picture.box(x - 7, (top + bottom) / 2 - 10, 14, 20, "orange", 2)
     for y in (top, bottom):
         picture.dot(x, y, 4, "first")
 
