@@ -30,8 +30,6 @@ from campaigns.flips.trial import FORBIDDEN, PARTS, Flip, Outcome
 from campaigns.fuzz import impatient
 from campaigns.fuzz import run as fuzz_run
 from campaigns.fuzz.impatient import CAMPAIGN as IMPATIENT
-from campaigns.fuzz.planted import CAMPAIGN as PLANTS
-from campaigns.fuzz.plants import PLANTS as BUGS
 from campaigns.fuzz.run import CAMPAIGN as FUZZ
 from campaigns.line_quality.limits import QUANTITIES
 from campaigns.line_quality.run import CAMPAIGN as LINE_QUALITY
@@ -363,10 +361,6 @@ def kept(tmp_path, monkeypatch) -> Store:
             of = campaign.of(config)
             for case, row in found.items():
                 store.keep(campaign.name, of, config, case, row)
-    for bug in BUGS:
-        what = [] if bug.name == "wrong-order" else ["no reply"]
-        row = {"frames": 12345, "what": what}
-        store.keep("fuzz-plants", PLANTS.of("standard"), "standard", f"{bug.name}/1/20000", row)
     return store
 
 
@@ -384,8 +378,6 @@ def kept(tmp_path, monkeypatch) -> Store:
         (FUZZ, "| 7, 8 | 24 | 2 | 3 | 22 | 1 |"),
         (FUZZ, "| legal | 24 | 24 |"),
         (FUZZ, "| 9 | 1 | 3 | 1 | 0 |"),
-        (FUZZ, "| cut-value | MAP-7: a value below -32768 is cut, not refused | 12,345 |"),
-        (FUZZ, "| wrong-order | EXC: address before quantity | not found in 12,345 frames |"),
         (FUZZ, "50 flips of both cards: 2 unrequested or altered telegrams and stuck drivers"),
         (LINE_QUALITY, "324 limits, 32,400 characters; 1 outside the limits of theory"),
         (LINE_QUALITY, "| width of a glitch | 0.200 | network line, 115200 8N1, 64 clocks a bit | 0.250 |"),

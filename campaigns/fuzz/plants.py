@@ -1,8 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Cards with a planted bug: the fuzzer must find each, otherwise a run without findings proves nothing.
-
-`make fuzz-plants` counts the frames until it is found.
-"""
+"""Cards with a planted bug: the fuzzer must find each, otherwise a run without findings proves nothing."""
 
 from __future__ import annotations
 

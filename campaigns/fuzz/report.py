@@ -58,9 +58,7 @@ def conditions(card: Namespace) -> str:
     )
 
 
-def context(
-    fuzzed: list[Namespace], masters: list[Namespace], flipped: list[Namespace], plants: list[tuple]
-) -> dict[str, Any]:
+def context(fuzzed: list[Namespace], masters: list[Namespace], flipped: list[Namespace]) -> dict[str, Any]:
     for card in flipped:
         card.rates, card.table = flips.rates(card.total), "\n".join(flips.table(card.total))
         card.conditions = conditions(card)
@@ -71,7 +69,6 @@ def context(
         "fuzzed": fuzzed,
         "masters": masters,
         "flipped": flipped,
-        "plants": plants,
         "frames_in_all": frames_in_all(fuzzed),
         "masters_in_all": masters_in_all(masters),
         "flips_in_all": flips_in_all(flipped),

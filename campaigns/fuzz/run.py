@@ -23,7 +23,6 @@ from campaigns.fuzz import case_file, report
 from campaigns.fuzz.case import Played, own_pace
 from campaigns.fuzz.case_file import CaseError
 from campaigns.fuzz.impatient import CAMPAIGN as IMPATIENT
-from campaigns.fuzz.planted import CAMPAIGN as PLANTS
 from campaigns.fuzz.shrink import shrink
 from campaigns.fuzz.traffic import make
 from campaigns.fuzz.trial import rates, row_of, run, story
@@ -39,7 +38,7 @@ Play = Callable[..., tuple[Verdict, Played]]
 class Fuzz(Campaign):
     every_dialect = True
     name, module = "fuzz", "campaigns.fuzz.run"
-    command = "make fuzz, impatient and flips of both cards, and fuzz-plants"
+    command = "make fuzz, impatient and flips of both cards"
     count = 50
     keep = ("Random frames", "Masters that do not wait")
 
@@ -84,9 +83,7 @@ class Fuzz(Campaign):
         )
 
     def context(self, store: Store) -> dict[str, Any]:
-        return report.context(
-            self.found(store), IMPATIENT.found(store), FLIPS.found(store), PLANTS.rows(store)
-        )
+        return report.context(self.found(store), IMPATIENT.found(store), FLIPS.found(store))
 
     def about(self, store: Store) -> str:
         return report.statements(self.context(store))
