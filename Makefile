@@ -144,7 +144,7 @@ test: | setup-test ## * every rule of the card, each test of a few seconds (4 mi
 	@$(MAKE) -j$(JOBS) $(TESTED)
 	@$(PYTEST) $(if $(TEST),--all)
 
-nightly: | setup-test ## * every test: both cards, both simulators, boards, pages (an hour; TEST=name: a part)
+nightly: | setup-test ## * every test: both cards, both simulators, boards, pages (46 min; TEST=name: a part)
 	@$(if $(TEST),$(call named,nightly),tools/setup.sh all)
 	@$(MAKE) -j$(JOBS) $(TESTED)
 	@$(PYTEST) --all $(if $(FOLDERS),-m nightly $(FOLDERS))
