@@ -18,7 +18,7 @@ from tb.firmware.test_firmware_gateway import (
     SEND_START,
     SEND_STOP,
     SET_TIMEOUT,
-    START_40,
+    START,
     TIMEOUT_MS,
     Bench,
 )
@@ -94,7 +94,7 @@ def test_an_image_answers_as_its_folder_says(path: str):
     assert bench.telegrams == [H("81 0000 0000")] * refreshes
 
     ask(SET_TIMEOUT.hex())
-    bench.request(START_40)
+    bench.request(START)
     bench.drive_answers(H("0F03 2000"))
     bench.wait(TIMEOUT_MS + delay_ms + OVERDUE_MS)
     stops = "stop" in image.parts or all_options
