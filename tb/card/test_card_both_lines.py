@@ -17,6 +17,7 @@ from tb.agents.uart import Flaws, waveform
 from tb.lib.card import MS
 from tb.lib.fast_card import REPLY_DELAY_BITS, FastCard
 from tb.lib.nightly import first
+from tb.lib.supervision import control_pdu
 from tb.model.fc_telegram import build_process
 
 CHARACTER_BITS = 11
@@ -28,11 +29,6 @@ PLACES = CHARACTER_BITS * TICKS_PER_BIT
 FRAME_CHARACTERS, PAUSE_BITS = 30, 300
 EXCHANGE_MS = 30
 STATE = rtu.build(1, rtu.read_coils(32, 32))
-
-
-def write(control: int, reference: int) -> bytes:
-    bits = [bool((control | reference << 16) >> number & 1) for number in range(32)]
-    return rtu.build(1, rtu.write_coils(0, bits))
 
 
 def little_endian(*words: int) -> bytes:
@@ -67,7 +63,7 @@ def test_no_byte_is_lost_when_both_lines_have_characters(baud):
             # Each byte of the reply differs from that of the reply before, which a lost byte would leave.
             status, frequency = 0x0606 + 0x0101 * place, 0x1010 + 0x0101 * place
             control, reference = 0x0403 + place % 64, 0x2010 + 0x0101 * (place % 64)
-            card.modbus.send(write(control, reference), 1.1 * rtu.t35_ps(baud))
+            card.modbus.send(rtu.build(1, control_pdu(control, reference)), 1.1 * rtu.t35_ps(baud))
             assert card.run_until(card.now_ps + 2 * EXCHANGE_MS * MS, "drive_de")
             disturb(card, card.now_ps + place * place_ps)
             card.run(2 * EXCHANGE_MS)

@@ -18,7 +18,7 @@ from tb.model import fc_telegram
 
 SWITCHES = "111001111"
 LINE = Format.named(9600, "8E1")
-SHOW_MS, VERDICT_MS, FLASH_MS = 2000, 12_000, 500
+SHOW_MS, VERDICT_MS = 2000, 12_000
 LISTEN_MS, TRANSFERS_MS = 1000, 120
 ACCURACY = 0.01
 READ_DRIVE_TIMEOUT = rtu.build(1, rtu.read_registers(2, 1))
@@ -62,32 +62,25 @@ def verdict_of(history: list[Shown]) -> tuple[Shown, Shown]:
     return history[at], history[at + 1]
 
 
-def check_verdict(card: FastCard, shows: str) -> None:
-    """Both LEDs show the verdict for its time."""
-    assert run_to_verdict(card) == (shows, shows)
-    check_verdict_lasts(card, shows)
-
-
-def check_verdict_lasts(card: FastCard, shows: str) -> None:
-    sent = len(card.modbus.frames()), len(card.drive.frames())
+def check_passed(card: FastCard) -> None:
+    """Both LEDs are orange for the verdict's time, and nothing more is sent."""
+    assert run_to_verdict(card) == ("orange", "orange")
+    check_transfers(card)
     card.set(wired=0)
     card.run_until((SHOW_MS + VERDICT_MS + 700) * MS)
-    assert (len(card.modbus.frames()), len(card.drive.frames())) == sent
+    check_transfers(card)
     for led in ("modbus", "drive"):
         verdict, then = verdict_of(card.shown[led])
         lasted = (then.since_ps - verdict.since_ps) / MS
-        # Flashing red may start with its lit half, which looks like more of a red verdict.
-        expected = [VERDICT_MS, VERDICT_MS + FLASH_MS] if then.colour == "off" else [VERDICT_MS]
         print(f"{led} LED {verdict.colour} for {lasted:.1f} ms, then {then.colour}")
-        assert verdict.colour == shows
-        assert any(abs(lasted - ms) <= ACCURACY * VERDICT_MS for ms in expected)
+        assert verdict.colour == "orange" and abs(lasted - VERDICT_MS) <= ACCURACY * VERDICT_MS
 
 
 @pytest.mark.nightly
 @pytest.mark.rule("LOOP-1", "LED-2")
 def test_a_passed_loopback_test_is_orange_for_twelve_seconds_and_then_the_card_works(config):
     with FastCard(SWITCHES, config=config, wired=1) as card:
-        check_verdict(card, "orange")
+        check_passed(card)
         assert card.request(READ_DRIVE_TIMEOUT).data == DRIVE_TIMEOUT
         later = card.now_ps
         card.run(2500)
@@ -96,18 +89,10 @@ def test_a_passed_loopback_test_is_orange_for_twelve_seconds_and_then_the_card_w
 
 
 @pytest.mark.nightly
-@pytest.mark.rule("LOOP-1", "LED-2")
-def test_a_failed_loopback_test_is_red_for_twelve_seconds_and_then_the_card_works(config):
-    with FastCard(SWITCHES, config=config, wired=0) as card:
-        check_verdict(card, "red")
-        assert card.request(READ_DRIVE_TIMEOUT).data == DRIVE_TIMEOUT
-
-
-@pytest.mark.nightly
 @pytest.mark.rule("LOOP-1", "LINE-7", "LED-5")
 def test_the_loopback_test_needs_no_address_but_the_start_after_it_does(config):
     with FastCard(SWITCHES, config=config, wired=1, address=0) as card:
-        check_verdict(card, "orange")
+        check_passed(card)
         assert {card.led("modbus"), card.led("drive")} == {"red"}
         card.run(1000)
         for led in ("modbus", "drive"):
@@ -158,11 +143,8 @@ def test_a_flipped_bit_on_the_wire_is_red(config, sender: str, flips: str):
 
 REQUEST = rtu.build(2, rtu.read_registers(5139, 2))
 ANSWER = rtu.build(2, bytes.fromhex("03 04 0000 012C"))
-BROADCAST = rtu.build(0, bytes.fromhex("05 000A FF00"))
 FOREIGN = {
     "unit 2 polled": (REQUEST, ANSWER),
-    "unit 200 and a broadcast": (rtu.build(200, rtu.read_registers(5139, 2)), BROADCAST),
-    "one character": (b"\x55",),
     "one character, the memory's filler": (b"\x5a",),
     "drive telegrams": (bytes.fromhex("02 06 82 0000 0000 86"), bytes.fromhex("02 06 82 0F03 2000 AA")),
     "our own pattern": (bytes.fromhex("02 0E 81 0000 0000 55AA FF01 0000 0000 73"),),
@@ -213,28 +195,6 @@ def test_any_character_of_the_second_before_is_a_failure(config, name: str, kind
         Line(card, name, LINE).send(FOREIGN[kind][0])
         card.run_until(1500 * MS)
         check_untouched(card)
-
-
-@pytest.mark.rule("LOOP-1")
-@pytest.mark.nightly
-@pytest.mark.parametrize("at_ms", [0, 300, 700])
-def test_a_card_set_to_the_test_by_mistake_serves_at_once(config, at_ms: float):
-    """The first request that it hears is another unit's, the second its own; both LEDs are red for 12 s."""
-    with FastCard(SWITCHES, config=config) as card:
-        card.run_until(max(at_ms, card.boot_ms) * MS)
-        card.modbus.send(REQUEST)
-        card.modbus.send(ANSWER, 5 * LINE.character_ps)
-        assert card.request(READ_DRIVE_TIMEOUT, timeout_ms=150).data == DRIVE_TIMEOUT
-        assert len(card.modbus.frames()) == 1 and not card.drive.de
-        assert run_past_the_show(card) == ("red", "red")
-        assert card.request(READ_DRIVE_TIMEOUT).data == DRIVE_TIMEOUT
-        assert (card.led("modbus"), card.led("drive")) == ("red", "red"), "while it serves"
-        check_verdict_lasts(card, "red")
-
-
-def run_past_the_show(card: FastCard) -> tuple[str, str]:
-    card.run_until((SHOW_MS + 150) * MS)
-    return card.led("modbus"), card.led("drive")
 
 
 @pytest.mark.rule("LOOP-1")

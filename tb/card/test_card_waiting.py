@@ -57,19 +57,6 @@ def parameter_writes(telegrams: list[bytes]) -> list[tuple[int, int]]:
     return list(dict.fromkeys((data[2], int.from_bytes(data[9:11], "big")) for data in writes))
 
 
-@pytest.mark.rule("FRAME-7")
-@pytest.mark.parametrize("unit", [0, 1])
-def test_a_newer_write_of_its_kind_takes_the_place(unit: int):
-    with FastCard(baud=19_200) as card:
-        card.run(card.boot_ms)
-        writes = [coils(0x047C, unit), coils(0x043C, unit), parameter(7, unit), parameter(8, unit)]
-        end = finish(card, [READ, *writes])
-        card.run_until(end + 800 * MS)
-        adr = BROADCAST if unit == 0 else ASKED
-        assert {data[:5] for data in sent(card) if data[1] == 6} == {process(0x043C, adr)}
-        assert parameter_writes(sent(card)) == [(adr, 8)]
-
-
 WRITE, BROADCAST_WRITE, STOP = parameter(7, 1), parameter(7, 0), coils(0x043C, 1)
 # What an impatient master has given up, and what it asks then.
 HELD_UP = [(WRITE, READ), (BROADCAST_WRITE, WRITE), (READ, STOP), (STOP, READ)]

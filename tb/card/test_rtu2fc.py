@@ -17,20 +17,17 @@ from rtl.sources import ROOT
 from tb.agents import rtu
 from tb.agents.fc_slave import FAULTS, Manner, Script
 from tb.agents.modbus_master import Transaction
-from tb.agents.uart import Flaws, sleep_until
-from tb.lib.bench import Strobes
+from tb.agents.uart import sleep_until
 from tb.lib.card import MS, CardBench
 from tb.lib.config import (
     BROADCAST_MS,
     CLK_HZ,
-    OVERDUE_MS,
     SLOW_HZ,
     own_hz,
 )
 from tb.lib.runner import run
-from tb.lib.seeds import seeded
+from tb.lib.supervision import control_pdu, process
 from tb.model import fc_telegram
-from tb.model.card import CardModel
 from tb.model.examples import EXAMPLES
 from tb.model.lines import image_of
 from tb.model.told import not_told
@@ -39,16 +36,11 @@ LOWEST_HZ = 2_000_000  # TOP-1
 # 38400 bit/s save simulation time; a finished image without EXTENDED_SWITCHES gets a rate that it has.
 BAUD = int(os.environ.get("CARD_BAUD", "38400"))
 CHARACTER = 11  # bits
-# A character time in the silences of FRAME-1, in bits; longer than a character above 19200 bit/s.
-SILENCE = rtu.t15_ps(BAUD) / 1.5 / rtu.bit_ps(BAUD)
-
-STATUS, FREQUENCY = 0x0607, 0x0000
 REPLY_WAIT = 2  # register 40003 in 10 ms, for tests with a silent drive
 DEFAULT_WAIT = 15
 BAD_REPLIES = [name for name in FAULTS if name not in ("silence", "garbage before")]
 # These faults leave the bytes right.
 ON_THE_LINE = ("parity error", "framing error", "slow", "long gap")
-WAIT_MS = 10 * REPLY_WAIT
 
 
 class Scenario:
@@ -82,9 +74,9 @@ class Scenario:
         await self.ask(pdu, pdu)
 
     async def write_control(self, control: int, reference: int, exchanges=None) -> Transaction:
-        """Writes coils 1 to 32 in one request; the drive answers with STATUS and FREQUENCY."""
-        pdu, answer = control_pdu(control, reference)
-        return await self.ask(pdu, answer, exchanges or [process(control, reference)])
+        """Writes coils 1 to 32 in one request; the drive answers."""
+        pdu = control_pdu(control, reference)
+        return await self.ask(pdu, pdu[:5], exchanges or [process(control, reference)])
 
     async def read_control(self) -> bytes:
         done = await self.request(rtu.build(1, rtu.read_coils(0, 32)))
@@ -94,23 +86,6 @@ class Scenario:
     def finish(self) -> None:
         self.script.check()
         self.card.check_lines()
-
-
-def control_pdu(control: int, reference: int) -> tuple[bytes, bytes]:
-    bits = [bool((control | reference << 16) >> i & 1) for i in range(32)]
-    pdu = rtu.write_coils(0, bits)
-    return pdu, pdu[:5]
-
-
-def process(control: int, reference: int) -> tuple[bytes, bytes]:
-    """Telegram and reply of an exchange of process data."""
-    return fc_telegram.build_process(control, reference), fc_telegram.build_process(STATUS, FREQUENCY)
-
-
-def read_exchange(pnu: int, value: int) -> tuple[bytes, bytes]:
-    """Telegram and reply of a parameter read."""
-    ask = fc_telegram.build_parameter(fc_telegram.AK_READ, pnu)
-    return ask, fc_telegram.build_parameter(fc_telegram.REPLY_WORD, pnu, pwe=value, pcd1=STATUS)
 
 
 def exchanges_of(example: dict) -> list[tuple[bytes, bytes | None]]:
@@ -181,108 +156,13 @@ async def own_echo_on_both_lines_has_no_effect(dut):
     scene.finish()
 
 
-@cocotb.test()
-async def every_format_by_switches_read_once_after_reset(dut):
-    scene = await Scenario(dut).start()
-    for form in ("8E1", "8O1", "8N1"):
-        await scene.card.use(115_200 if form == "8N1" else BAUD, form)
-        # The switches have been read and may move now.
-        dut.sw_baud.value, dut.sw_addr.value = 0, 5
-        scene.master = scene.card.master
-        await play(scene, EXAMPLES["bad-address"])
-        await play(scene, EXAMPLES["ex1-start-40"])
-        dut.sw_addr.value = 1
-    scene.finish()
-
-
-# ---------------------------------------------------------------- wrong frames
-
-
-@cocotb.test()
-async def frames_of_every_length_are_answered_and_longer_than_256_dropped(dut):
-    rng = seeded("frames")
-    scene = await Scenario(dut, baud=115_200).start()
-    model = CardModel()
-    for length in (4, 8, 29, 32, 33, 255, 256, 257):
-        # Function 10h with too many bytes, or a frame shorter than any request: an exception, never silence.
-        body = b"\x07" if length == 4 else b"\x10\x00\x00\x00\x02\x04" + rng.randbytes(max(0, length - 9))
-        adu = rtu.build(1, body[: length - 3])
-        assert len(adu) == length
-        done = await scene.request(adu, timeout_ms=40 if length > 256 else 100)
-        if length > 256:
-            assert done.reply is None
-        else:
-            expected = rtu.build(1, model.request(adu[1:-2]).reply)
-            assert done.data == expected, f"{length} bytes: {done.reply}"
-    await play(scene, EXAMPLES["bad-address"])
-    scene.finish()
-
-
-@cocotb.test()
-async def damaged_foreign_and_cut_off_frames_have_no_effect_and_the_next_good_one_is_answered(dut):
-    """Each one also increments its own counter."""
-    scene = await Scenario(dut, form="8E1").start()
-    start = bytes.fromhex(EXAMPLES["ex1-start-40"]["request"])
-    bad_crc = start[:8] + bytes([start[8] ^ 1]) + start[9:]
-    damaged = {
-        "CRC": (bad_crc, Flaws(), ["crc"]),
-        "parity": (start, Flaws(bad_parity=(4,)), ["parity"]),
-        "stop bit": (start, Flaws(bad_stop=(4,), gaps={5: 1.0}), ["framing"]),
-        "foreign": (rtu.build(2, start[1:-2]), Flaws(), []),
-        "cut off": (start[:7], Flaws(), ["crc"]),
-        "gap of 1.6 characters": (start, Flaws(gaps={6: 1.6 * SILENCE}), ["crc", "t15"]),
-        "longer than 256": (rtu.build(1, bytes(254)), Flaws(), ["overrun"]),
-    }
-    errors = ("crc", "parity", "framing", "t15", "overrun")
-    counts = {error: Strobes(dut.network_i.rtu_rx_i, f"count_{error}") for error in errors}
-    for what, (adu, flaws, kinds) in damaged.items():
-        await scene.master.send(adu, flaws)
-        await scene.card.quiet(6, what)
-        counted = [name for name, strobes in counts.items() for _ in strobes.times_ps]
-        assert counted == kinds, what
-        for strobes in counts.values():
-            strobes.clear()
-    assert await scene.read_control() == bytes(4), "control image"
-    await play(scene, EXAMPLES["ex1-start-40"])
-    scene.finish()
-
-
-@cocotb.test()
-async def frame_with_gaps_of_1_4_characters_is_accepted(dut):
-    scene = await Scenario(dut).start()
-    request = bytes.fromhex(EXAMPLES["ex1-start-40"]["request"])
-    for telegram, reply in exchanges_of(EXAMPLES["ex1-start-40"]):
-        scene.script.expect(telegram, reply)
-    gaps = Flaws(gaps=dict.fromkeys(range(1, len(request)), 1.4 * SILENCE))
-    done = await scene.master.request(request, 100 * MS, gaps)
-    assert done.data == bytes.fromhex(EXAMPLES["ex1-start-40"]["reply"])
-    scene.finish()
-
-
-@cocotb.test()
-async def revoked_frame_has_no_effect(dut):
-    """A character follows a good frame after 1.6 to 3.4 character times (FRAME-3, FRAME-6)."""
-    scene = await Scenario(dut).start()
-    pdu, _ = control_pdu(0x047C, 0x1999)
-    adu = rtu.build(1, pdu)
-    revokes = Strobes(dut, "revoke")
-    for gap in (1.6, 2.5, 3.4):
-        await scene.master.send(adu + b"\x01", Flaws(gaps={len(adu): gap * SILENCE}))
-        await scene.card.quiet(15)
-    assert len(revokes) == 3
-    assert await scene.read_control() == bytes(4), "control image"
-    # The same for a local write: the register keeps its value.
-    adu = rtu.build(1, rtu.write_register(1, 0x1234))
-    await scene.master.send(adu + b"\x01", Flaws(gaps={len(adu): 2.5 * SILENCE}))
-    await scene.card.quiet(5)
-    await scene.ask(rtu.read_registers(1, 1), bytes.fromhex("03 02 03 E8"))
-    scene.finish()
+# ---------------------------------------------------------------- requests that were overtaken
 
 
 @cocotb.test()
 async def reply_is_dropped_when_a_character_arrives_during_the_exchange_with_the_drive(dut):
     scene = await Scenario(dut).start()
-    pdu, _ = control_pdu(0x047C, 0x1999)
+    pdu = control_pdu(0x047C, 0x1999)
     scene.script.expect(*process(0x047C, 0x1999))
     await scene.master.send(rtu.build(1, pdu))
     await scene.master.send(rtu.build(9, rtu.read_coils(0, 8)))
@@ -297,7 +177,7 @@ async def reply_is_dropped_when_a_character_arrives_during_the_exchange_with_the
 async def only_the_newest_request_is_answered(dut):
     """The card gets a second request while the drive handles the first."""
     scene = await Scenario(dut).start()
-    pdu, _ = control_pdu(0x047C, 0x1999)
+    pdu = control_pdu(0x047C, 0x1999)
     scene.script.expect(*process(0x047C, 0x1999))
     await scene.master.send(rtu.build(1, pdu))
     # At the bench's clock SERV may need longer than t3.5; a telegram not yet sent is withdrawn (FRAME-7).
@@ -313,24 +193,6 @@ async def only_the_newest_request_is_answered(dut):
 
 
 @cocotb.test()
-async def silent_drive_gets_the_telegram_twice_and_is_then_reported(dut):
-    scene = await Scenario(dut).start()
-    await scene.write_control(0x047C, 0)
-    await scene.set_register(2, REPLY_WAIT)
-    question, _ = read_exchange(514, 0)
-    await scene.ask(rtu.read_registers(5139, 1), rtu.exception(3, 255), [(question, None)] * 2)
-    first, second = scene.card.slave.heard[-2:]
-    wait_ms = (second.frame.start_ps - first.frame.end_ps) / MS
-    # The wait also covers the pause of two characters.
-    assert WAIT_MS <= wait_ms <= WAIT_MS + OVERDUE_MS, f"repeat after {wait_ms:.2f} ms"
-    waited_ms = (scene.card.modbus.monitor.characters[-1].end_ps - second.frame.end_ps) / MS
-    assert waited_ms >= WAIT_MS - 1
-    # The status image is still that of the last good reply (FC-6, MAP-1).
-    await scene.ask(rtu.read_coils(32, 32), bytes.fromhex("01 04 07 06 00 00"))
-    scene.finish()
-
-
-@cocotb.test()
 async def bad_reply_is_ignored_and_the_reply_to_the_repeat_is_accepted(dut):
     scene = await Scenario(dut).start()
     await scene.set_register(2, REPLY_WAIT)
@@ -339,41 +201,6 @@ async def bad_reply_is_ignored_and_the_reply_to_the_repeat_is_accepted(dut):
         exchange = process(0x047C, number)
         await scene.write_control(0x047C, number, [exchange, exchange])
         assert scene.card.slave.heard[-2].reply != scene.card.slave.heard[-1].reply or fault in ON_THE_LINE
-    scene.finish()
-
-
-@cocotb.test()
-async def two_bad_replies_are_reported_and_the_image_keeps_the_written_value(dut):
-    scene = await Scenario(dut).start()
-    await scene.set_register(2, REPLY_WAIT)
-    scene.card.slave.next(Manner(fault="bad BCC"), Manner(fault="cut short"))
-    pdu, _ = control_pdu(0x047C, 0x1999)
-    await scene.ask(pdu, rtu.exception(0x0F, 255), [process(0x047C, 0x1999)] * 2)
-    assert await scene.read_control() == bytes.fromhex("7C 04 99 19")
-    scene.finish()
-
-
-@cocotb.test()
-async def slow_but_legal_reply_is_accepted(dut):
-    """The drive is 48 ms late, has gaps between its characters, and a phantom character before the reply."""
-    scene = await Scenario(dut).start()
-    slow = Manner(delay_bits=48e-3 * 9600, gap_bits=0.45 * CHARACTER)
-    scene.card.slave.next(slow, Manner(fault="garbage before"))
-    await scene.ask(rtu.read_registers(5139, 1), bytes.fromhex("03 02 01 2C"), [read_exchange(514, 300)])
-    await scene.write_control(0x047C, 0x1999)
-    scene.finish()
-
-
-@cocotb.test()
-async def reply_for_another_parameter_is_ignored(dut):
-    """The reply is correct, but for another parameter (FC-8)."""
-    scene = await Scenario(dut).start()
-    await scene.set_register(2, 5)
-    question, reply = read_exchange(514, 300)
-    _, foreign = read_exchange(515, 7)
-    await scene.ask(
-        rtu.read_registers(5139, 1), bytes.fromhex("03 02 01 2C"), [(question, foreign), (question, reply)]
-    )
     scene.finish()
 
 
@@ -402,7 +229,7 @@ async def telegrams_wait_for_two_characters_of_silence_and_have_no_gaps(dut):
     """A foreign character on the drive line ends just when the telegram could have started."""
     scene = await Scenario(dut, baud=115_200).start()
     bit = scene.card.drive.fmt.bit_ps
-    pdu, _ = control_pdu(0x047C, 0x1999)
+    pdu = control_pdu(0x047C, 0x1999)
     for late_bits in (-6, 0, 6):
         scene.script.expect(*process(0x047C, 0x1999))
         request = await scene.master.send(rtu.build(1, pdu))
@@ -416,23 +243,6 @@ async def telegrams_wait_for_two_characters_of_silence_and_have_no_gaps(dut):
     scene.finish()
 
 
-# ---------------------------------------------------------------- power-up
-
-
-@cocotb.test()
-async def lines_low_at_power_up_have_no_effect(dut):
-    scene = Scenario(dut)
-    scene.card.modbus.source.hold(0)
-    scene.card.drive.source.hold(0)
-    await scene.start()
-    assert not scene.card.modbus.direction.pulses and not scene.card.drive.direction.pulses
-    scene.card.modbus.source.hold(1)
-    scene.card.drive.source.hold(1)
-    await scene.card.quiet(5)
-    await play(scene, EXAMPLES["ex1-start-40"])
-    scene.finish()
-
-
 @cocotb.test()
 async def back_to_back_broadcast_writes_all_take_effect(dut):
     """Broadcasts get no reply, so the master leaves the firmware no more time than its own pause."""
@@ -443,7 +253,7 @@ async def back_to_back_broadcast_writes_all_take_effect(dut):
         rtu.write_registers(0, [1, 1234, 20]),
         rtu.write_coil(64, True),
         rtu.write_register(2, 30),
-        control_pdu(0x047C, 0x1999)[0],
+        control_pdu(0x047C, 0x1999),
     ):
         await scene.master.send(rtu.build(0, pdu))
     # The shortest possible frame, and it gets a reply; the telegram is still being sent.
@@ -457,23 +267,14 @@ async def back_to_back_broadcast_writes_all_take_effect(dut):
     scene.finish()
 
 
-NETWORK = [
-    "own_echo_on_both_lines_has_no_effect",
-    "every_format_by_switches_read_once_after_reset",
-    "frames_of_every_length_are_answered_and_longer_than_256_dropped",
-    "damaged_foreign_and_cut_off_frames_have_no_effect_and_the_next_good_one_is_answered",
-    "frame_with_gaps_of_1_4_characters_is_accepted",
-    "revoked_frame_has_no_effect",
+OVERTAKEN = [
     "reply_is_dropped_when_a_character_arrives_during_the_exchange_with_the_drive",
     "only_the_newest_request_is_answered",
-    "lines_low_at_power_up_have_no_effect",
 ]
-DRIVE = [
-    "silent_drive_gets_the_telegram_twice_and_is_then_reported",
+LINES = [
+    *OVERTAKEN,
+    "own_echo_on_both_lines_has_no_effect",
     "bad_reply_is_ignored_and_the_reply_to_the_repeat_is_accepted",
-    "two_bad_replies_are_reported_and_the_image_keeps_the_written_value",
-    "slow_but_legal_reply_is_accepted",
-    "reply_for_another_parameter_is_ignored",
     "text_longer_than_twenty_characters_is_received_in_full_and_cut",
 ]
 # Tests of the firmware's speed, at 115200 bit/s.
@@ -506,18 +307,9 @@ def test_examples(sim, config):
 
 
 @pytest.mark.nightly
-@pytest.mark.rule(
-    *("FRAME-2", "FRAME-3", "FRAME-4", "FRAME-5", "FRAME-6", "FRAME-7", "FRAME-8"),
-    *("LINE-3", "LINE-6", "LINE-7", "LINE-8", "SAFE-2"),
-)
-def test_network(sim, config):
-    run_card(sim, config, NETWORK)
-
-
-@pytest.mark.nightly
-@pytest.mark.rule("FC-6", "FC-7", "FC-8", "FC-9", "FC-10", "MAP-3")
-def test_drive(sim, config):
-    run_card(sim, config, DRIVE)
+@pytest.mark.rule("FRAME-7", "LINE-6", "FC-6", "FC-7", "FC-8", "FC-9", "FC-10")
+def test_both_lines(sim, config):
+    run_card(sim, config, LINES)
 
 
 @pytest.mark.rule("FC-8", "FRAME-6", "MAP-9")
@@ -527,17 +319,11 @@ def test_telegrams_leave_in_time():
 
 
 @pytest.mark.nightly
-@pytest.mark.rule("FRAME-3", "FRAME-6", "FRAME-7")
+@pytest.mark.rule("FRAME-3", "FRAME-7")
 def test_without_t15():
     """On Verilator only: rtu_rx is tested on both. `make test` has it on the whole card in campaigns/fuzz."""
-    what = [
-        "frame_with_gaps_of_1_4_characters_is_accepted",
-        "reply_is_dropped_when_a_character_arrives_during_the_exchange_with_the_drive",
-        "only_the_newest_request_is_answered",
-        "silent_drive_gets_the_telegram_twice_and_is_then_reported",
-    ]
     image = ROOT / "build" / folder_with(STRICT_T15=0) / "firmware.hex"
-    run_card("verilator", "standard", what, FIRMWARE_HEX=str(image))
+    run_card("verilator", "standard", OVERTAKEN, FIRMWARE_HEX=str(image))
 
 
 @pytest.mark.nightly

@@ -9,7 +9,7 @@ from cocotb.triggers import ReadOnly, RisingEdge, Timer, with_timeout
 
 from regs.generated.card_tables import DRIVE_BAUD, EXTENDED_FORMATS, EXTENDED_RATES
 from regs.generated.mailbox import REGISTERS
-from tb.agents.fc_slave import FcSlave, Manner
+from tb.agents.fc_slave import FcSlave
 from tb.agents.modbus_master import ModbusMaster
 from tb.agents.uart import Format
 from tb.lib.bench import Bench
@@ -58,7 +58,6 @@ class CardBench:
         form: str = "8N2",
         address: int = 1,
         echo: bool = False,
-        manner: Manner | None = None,
     ):
         self.dut = dut
         self.clk_hz = clk_hz
@@ -76,27 +75,13 @@ class CardBench:
         )
         tap_leds(dut)
         self.master = ModbusMaster(self.modbus)
-        self.slave = FcSlave(self.drive, model or (lambda telegram: None), manner)
-        self._before_reset = 0  # number of telegrams that the drive heard
+        self.slave = FcSlave(self.drive, model or (lambda telegram: None))
 
     async def boot(self) -> CardBench:
         """Powers up and waits until the firmware polls for requests."""
-        await self.power_up()
+        await self.bench.start(reset_clocks=8)
         await self._firmware_ready()
         return self
-
-    async def power_up(self) -> None:
-        await self.bench.start(reset_clocks=8)
-
-    async def reset(self, **switches: int) -> None:
-        """Sets switches, resets, and waits until the firmware polls for requests."""
-        for name, value in switches.items():
-            getattr(self.dut, name).value = value
-        self._before_reset = len(self.slave.heard)
-        self.dut.rst_n.value = 0
-        await self.bench.clocks(8)
-        self.dut.rst_n.value = 1
-        await self._firmware_ready()
 
     async def _firmware_ready(self) -> None:
         """Waits for the firmware to start, at most as long as BOOT-1 allows at this clock."""
@@ -109,22 +94,9 @@ class CardBench:
         # After this wait both lines have been silent for long enough at any rate that the benches use.
         await Timer(4 * MS, unit="ps")
 
-    async def use(self, baud: int, form: str) -> None:
-        """Changes rate and format by switches and reset; the master follows."""
-        await self.reset(sw_baud=switch_word(baud_switches(baud, form)))
-        self.modbus.set_format(Format.named(baud, form))
-        self.master = ModbusMaster(self.modbus)
-
-    async def quiet(self, ms: float, what: str = "") -> None:
-        """Waits and checks that the card sends nothing on either line; errors name `what`."""
-        before = len(self.modbus.direction.pulses), len(self.drive.direction.pulses)
-        await Timer(round(ms * MS), unit="ps")
-        after = len(self.modbus.direction.pulses), len(self.drive.direction.pulses)
-        assert after == before, f"after {what}: DE rises (modbus, drive) went from {before} to {after}"
-
     def told(self) -> list[tuple[bytes, bool]]:
-        """Each telegram since the last reset, and whether the drive replied: for told.not_told (SAFE-8)."""
-        return [(heard.telegram, heard.reply is not None) for heard in self.slave.heard[self._before_reset :]]
+        """Each telegram, and whether the drive replied: for told.not_told (SAFE-8)."""
+        return [(heard.telegram, heard.reply is not None) for heard in self.slave.heard]
 
     def check_lines(self) -> None:
         """Checks DE on both lines, as after any scenario."""
