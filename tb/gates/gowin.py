@@ -19,6 +19,7 @@ from apycula import chipdb, gowin_unpack
 from apycula.bslib import read_bitstream
 
 from constraints.boards import Board, package_folder, ports, vector, whole_ports
+from constraints.image import ImageError
 
 BYTE_BITS = 9
 BRAM_BYTES = 2048
@@ -30,10 +31,6 @@ FULL_TABLE = re.compile(r"R\d+C\d+_F[0-7]")
 # The carry into the first cell of a row, if no cell before it drives it; that cell does not use it.
 CHAIN_START = re.compile(r"R\d+C\d+_CIN\d")
 PAD = re.compile(r"IO([TBLR])(\d+)([AB])")
-
-
-class ImageError(Exception):
-    """A bitstream that this program cannot read."""
 
 
 @dataclass
