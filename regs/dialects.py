@@ -135,9 +135,9 @@ def folders(one: Dialect) -> list[str]:
 
 
 def cpp_rows() -> list[str]:
-    lines = ["const std::vector<Flag> kFlags = {"]
+    lines = ["inline const std::vector<Flag> kFlags = {"]
     lines += [f'    {{"{image.flag}", "{image.help}"}},' for image in FLAGS]
-    lines += ["};", "", "const std::vector<Dialect> kDialects = {"]
+    lines += ["};", "", "inline const std::vector<Dialect> kDialects = {"]
     for one in DIALECTS.values():
         standard = str(bool(one.traits["drive_fault"])).lower()
         lines.append(f'    {{"{one.name}", "{one.about}", "{one.profiles[0]}", {standard},')
@@ -181,7 +181,7 @@ def make_rows() -> list[str]:
 ROWS = {
     "sw/include/options.h": ("options", c_options),
     "sw/src/dialect.h": ("dialects", c_rows),
-    "sim/card/dialect.cpp": ("dialects", cpp_rows),
+    "sim/card/dialect.h": ("dialects", cpp_rows),
     "sw/rtu2fc/dialects.py": ("dialects", python_rows),
     "sw/firmware.mk": ("images", make_rows),
 }

@@ -48,10 +48,14 @@ double number(const std::string& text, double least, double most) {
   return value;
 }
 
-std::string digits(unsigned value, int count) {
+std::string digits(unsigned value, std::size_t count) {
   std::string text;
-  for (int i = 0; i < count; ++i) text += (value >> i & 1) != 0 ? '1' : '0';
+  for (std::size_t i = 0; i < count; ++i) text += (value >> i & 1) != 0 ? '1' : '0';
   return text;
+}
+
+std::string both(const Control::Switches& at) {
+  return "[\"" + digits(at.baud, kBaudSwitches) + "\",\"" + digits(at.addr, kAddrSwitches) + "\"]";
 }
 
 }  // namespace
@@ -117,7 +121,7 @@ void Control::trouble(const Words& words) {
 
 void Control::set_switches(const Words& words) {
   expect(words, 2, 2);
-  switches_ = {baud_switches("switches", words[1]), addr_switches("switches", words[2])};
+  switches_ = {switches("switches", words[1], kBaudSwitches), switches("switches", words[2], kAddrSwitches)};
 }
 
 void Control::power_cycle(const Words& words) {
@@ -141,9 +145,8 @@ std::string Control::line_state(LineId which) const {
 std::string Control::state() const {
   std::ostringstream text;
   text << "{\"state\":" << clock_.text(card_.now()) << ",\"modbus\":" << line_state(LineId::kModbus)
-       << ",\"drive\":" << line_state(LineId::kDrive) << ",\"switches\":[\"" << digits(switches_.baud, 9)
-       << "\",\"" << digits(switches_.addr, 8) << "\"],\"read\":[\"" << digits(read_.baud, 9) << "\",\""
-       << digits(read_.addr, 8) << "\"],\"line\":\"" << network_settings(read_.baud, clock_).name()
+       << ",\"drive\":" << line_state(LineId::kDrive) << ",\"switches\":" << both(switches_)
+       << ",\"read\":" << both(read_) << ",\"line\":\"" << network_settings(read_.baud, clock_).name()
        << "\",\"motor\":";
   if (drive_ == nullptr) {
     text << "null}";

@@ -2,13 +2,11 @@
 // Commands to a running virtual card. Each command is one line and gets one line back: "ok", "error: ..."
 // or, for `state`, a JSON object. A command with an error changes nothing.
 
-#ifndef CONTROL_H
-#define CONTROL_H
+#pragma once
 
 #include <string>
 #include <vector>
 
-#include "drive_end.h"
 #include "virtual_card.h"
 
 namespace card {
@@ -58,5 +56,3 @@ class CommandInput {
 };
 
 }  // namespace card
-
-#endif

@@ -10,6 +10,9 @@ namespace card {
 namespace {
 constexpr int kJitterUs = 1000;             // pauses of a program that writes byte by byte
 constexpr std::size_t kMostWaiting = 4096;  // bytes; the rest of a flood stays in the pty
+constexpr std::uint8_t kOvercurrent = 13;   // alarm number of VLT drives
+constexpr std::size_t kLge = 1;             // index of LGE in a telegram
+constexpr std::size_t kNotInLge = 2;        // STX and LGE itself
 }  // namespace
 
 PortFarEnd::PortFarEnd(std::unique_ptr<BytePort> port, const LineSettings& settings, const SimClock& clock,
@@ -40,7 +43,7 @@ bool PortFarEnd::goes_on(const UartLine& line, Cycles now) const {
   return line.far_end_sending() || now - line.silent_since() < settings_.silences.inside;
 }
 
-void PortFarEnd::arrived(const std::vector<std::uint8_t>& bytes, UartLine& line, Cycles now) {
+void PortFarEnd::arrived(const Bytes& bytes, UartLine& line, Cycles now) {
   if (goes_on(line, now)) {
     line.send(bytes, now);
   } else {
@@ -54,7 +57,7 @@ void PortFarEnd::arrived(const std::vector<std::uint8_t>& bytes, UartLine& line,
 
 void PortFarEnd::step(UartLine& line, Cycles now) {
   if (waiting_bytes_ < kMostWaiting) {
-    const std::vector<std::uint8_t> bytes = port_->read_all();
+    const Bytes bytes = port_->read_all();
     if (!bytes.empty()) arrived(bytes, line, now);
   }
   if (bursts_.empty() || line.busy() || now - line.silent_since() < settings_.burst_gap) return;
@@ -65,6 +68,71 @@ void PortFarEnd::step(UartLine& line, Cycles now) {
   waiting_bytes_ -= bursts_.front().size();
   bursts_.pop_front();
   last_word_ours_ = true;
+}
+
+DriveEnd::DriveEnd(const drive_profile_t& profile, bool example, std::int64_t trip_us,
+                   const LineSettings& settings, const SimClock& clock, Cycles response_time)
+    : name_(example ? "example" : "sim"),
+      trip_us_(trip_us),
+      clock_(clock),
+      settings_(settings),
+      response_time_(response_time) {
+  drive_init(&drive_, &profile);
+  if (example) drive_example_state(&drive_);
+}
+
+// A gap of more than 2 characters inside a telegram, a parity error or a stop bit error spoils it (FC-8).
+void DriveEnd::from_card(const LineByte& byte) {
+  if (byte.start - last_byte_end_ > settings_.silences.between) {
+    telegram_.clear();
+    damaged_ = false;
+  }
+  last_byte_end_ = byte.end;
+  damaged_ = damaged_ || byte.bad();
+  if (telegram_.size() < DRIVE_REQUEST_MAX) telegram_.push_back(byte.value);
+  reply_due_ = kNever;  // the card is sending: a reply to an earlier telegram would collide
+  if (complete() && !damaged_) take_telegram();
+}
+
+void DriveEnd::power_cycle() {
+  drive_power_cycle(&drive_);
+  telegram_.clear();
+  damaged_ = false;
+  reply_due_ = kNever;
+}
+
+bool DriveEnd::complete() const {
+  return telegram_.size() > kLge && telegram_.size() == telegram_[kLge] + kNotInLge;
+}
+
+// Steps in whole microseconds, as the log prints them: a second drive can then be stepped identically.
+void DriveEnd::let_time_pass(Cycles until) {
+  const std::int64_t until_us = clock_.microseconds(until);
+  if (until_us <= stepped_us_) return;
+  if (trip_us_ > 0 && until_us >= trip_us_) {
+    drive_step(&drive_, static_cast<std::uint32_t>(trip_us_ - stepped_us_));
+    stepped_us_ = trip_us_;
+    trip_us_ = 0;
+    drive_trip(&drive_, kOvercurrent);
+  }
+  drive_step(&drive_, static_cast<std::uint32_t>(until_us - stepped_us_));
+  stepped_us_ = until_us;
+}
+
+void DriveEnd::take_telegram() {
+  let_time_pass(last_byte_end_);
+  std::uint8_t reply[DRIVE_REPLY_MAX];
+  std::size_t length = 0;
+  if (drive_telegram(&drive_, telegram_.data(), telegram_.size(), reply, &length) != DRIVE_REPLIED) return;
+  reply_.assign(reply, reply + length);
+  reply_due_ = last_byte_end_ + response_time_;
+}
+
+void DriveEnd::step(UartLine& line, Cycles now) {
+  let_time_pass(now);
+  if (now < reply_due_) return;
+  reply_due_ = kNever;
+  line.send(reply_, now);
 }
 
 }  // namespace card

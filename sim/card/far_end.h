@@ -1,19 +1,10 @@
 // SPDX-License-Identifier: Apache-2.0
 // The other end of a line: a foreign program at a port, or the simulated drive.
 
-#ifndef FAR_END_H
-#define FAR_END_H
-
-#include <cstdint>
-#include <deque>
-#include <memory>
-#include <string>
-#include <vector>
+#pragma once
 
 #include "byte_port.h"
-#include "line_settings.h"
-#include "sim_clock.h"
-#include "uart_line.h"
+#include "vlt_drive.h"
 
 namespace card {
 
@@ -49,7 +40,7 @@ class PortFarEnd : public FarEnd {
   std::string name() const override { return port_->name(); }
 
  private:
-  void arrived(const std::vector<std::uint8_t>& bytes, UartLine& line, Cycles now);
+  void arrived(const Bytes& bytes, UartLine& line, Cycles now);
   bool goes_on(const UartLine& line, Cycles now) const;
 
   std::unique_ptr<BytePort> port_;
@@ -58,13 +49,46 @@ class PortFarEnd : public FarEnd {
   const Cycles collect_;  // silence after which a burst is complete
   Cycles pause_limit_ = 0;  // a longer pause between two arrivals starts a new burst
   const Cycles answer_time_;
-  std::deque<std::vector<std::uint8_t>> bursts_;  // not on the line yet
+  std::deque<Bytes> bursts_;  // not on the line yet
   std::size_t waiting_bytes_ = 0;
   Cycles last_arrival_ = 0;
   bool last_word_ours_ = false;  // the newest byte on the line came from here, not from the card
   Cycles answer_until_ = -1;
 };
 
-}  // namespace card
+// The simulated drive: sim/drive with a UART and a response time.
+class DriveEnd : public FarEnd {
+ public:
+  // `response_time`: silence between the card's telegram and the reply. `example`: the drive keeps the
+  // state of its document's examples and ignores commands. `trip_us`: time of the trip in simulated
+  // microseconds; 0: never.
+  DriveEnd(const drive_profile_t& profile, bool example, std::int64_t trip_us, const LineSettings& settings,
+           const SimClock& clock, Cycles response_time);
+  void from_card(const LineByte& byte) override;
+  void step(UartLine& line, Cycles now) override;
+  std::string name() const override { return name_; }
+  // `alarm`: 1 to 99. No effect while the drive is already tripped.
+  void trip(std::uint8_t alarm) { drive_trip(&drive_, alarm); }
+  void power_cycle();
+  const drive_t& drive() const { return drive_; }
 
-#endif
+ private:
+  bool complete() const;
+  void take_telegram();
+  void let_time_pass(Cycles until);
+
+  const std::string name_;
+  std::int64_t trip_us_;
+  const SimClock clock_;
+  const LineSettings settings_;
+  const Cycles response_time_;
+  drive_t drive_{};
+  Bytes telegram_;
+  bool damaged_ = false;
+  Cycles last_byte_end_ = 0;
+  Bytes reply_;
+  Cycles reply_due_ = kNever;
+  std::int64_t stepped_us_ = 0;
+};
+
+}  // namespace card

@@ -55,7 +55,7 @@ void FrameGrouper::flush() {
   listener_(done);
 }
 
-std::string hex_text(const std::vector<std::uint8_t>& bytes) {
+std::string hex_text(const Bytes& bytes) {
   std::string text;
   char byte_text[4];
   for (std::uint8_t byte : bytes) {

@@ -3,16 +3,8 @@
 // may be too long inside a frame and too short to end one. Such a silence ends an incomplete frame (FRAME-2)
 // and spoils a complete one, which goes on (FRAME-3); the frame records it.
 
-#ifndef FRAME_H
-#define FRAME_H
+#pragma once
 
-#include <cstdint>
-#include <functional>
-#include <string>
-#include <vector>
-
-#include "line_settings.h"
-#include "sim_clock.h"
 #include "uart_line.h"
 
 namespace card {
@@ -38,7 +30,7 @@ struct Frame {
   Sender sender = Sender::kFarEnd;
   Cycles start = 0;  // start bit of the first byte
   Cycles end = 0;    // end of the last stop bit
-  std::vector<std::uint8_t> bytes;
+  Bytes bytes;
   std::size_t bad_byte = 0;  // number of the first byte with a wrong parity or stop bit, from 1; 0: none
   bool bad_parity = false;   // bad_byte has a wrong parity bit; false: a wrong stop bit
   double gap_characters = 0;  // the silence that cut the frame short or revoked it, 0: none
@@ -75,8 +67,6 @@ class FrameGrouper {
 };
 
 // "01 03 14 13"
-std::string hex_text(const std::vector<std::uint8_t>& bytes);
+std::string hex_text(const Bytes& bytes);
 
 }  // namespace card
-
-#endif

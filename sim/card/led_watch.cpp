@@ -21,8 +21,7 @@ LedWatch::LedWatch(std::string led, const SimClock& clock, Listener listener)
       half_period_most_(clock.from_microseconds(kHalfPeriodMostUs)),
       listener_(std::move(listener)) {}
 
-void LedWatch::sample(bool red, bool green, Cycles now) {
-  const unsigned colour = (red ? 1u : 0u) | (green ? 2u : 0u);
+void LedWatch::sample(unsigned colour, Cycles now) {
   if (colour != colour_) {
     changed(colour, now);
     colour_ = colour;

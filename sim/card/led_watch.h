@@ -2,8 +2,7 @@
 // Turns the levels of one two-colour LED into a state: off, red, green, orange, red-flash or green-flash
 // (LED-1, LED-2). Flashing is 1 Hz: half a second lit, half a second dark.
 
-#ifndef LED_WATCH_H
-#define LED_WATCH_H
+#pragma once
 
 #include <functional>
 #include <string>
@@ -25,8 +24,8 @@ class LedWatch {
  public:
   using Listener = std::function<void(const LedChange&)>;
   LedWatch(std::string led, const SimClock& clock, Listener listener);
-  // Call at least every few milliseconds.
-  void sample(bool red, bool green, Cycles now);
+  // Call at least every few milliseconds. Colours: bit 0 red, bit 1 green.
+  void sample(unsigned colour, Cycles now);
   // Start of a change that is not yet decided, kNever if there is none: no later report is older.
   Cycles undecided_since() const { return lit_ != 0 ? lit_since_ : kNever; }
 
@@ -42,7 +41,6 @@ class LedWatch {
   const Cycles half_period_least_;
   const Cycles half_period_most_;
   Listener listener_;
-  // Colours: bit 0 red, bit 1 green.
   unsigned colour_ = ~0u;  // of the pins; none before the first sample
   Cycles since_ = 0;
   unsigned flashing_ = 0;  // colour that flashes, 0 = none
@@ -52,5 +50,3 @@ class LedWatch {
 };
 
 }  // namespace card
-
-#endif

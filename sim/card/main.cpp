@@ -11,14 +11,9 @@
 #include <utility>
 
 #include "control.h"
-#include "describe.h"
-#include "drive_end.h"
-#include "far_end.h"
 #include "options.h"
 #include "pacer.h"
-#include "pty_port.h"
 #include "recording.h"
-#include "serial_port.h"
 #include "user_error.h"
 #include "version.h"
 #include "virtual_card.h"
@@ -67,30 +62,22 @@ void print_led(const LedChange& change) {
   std::fflush(stdout);
 }
 
+std::unique_ptr<BytePort> open_port(const std::string& device, const std::string& link, const LineSettings& line) {
+  return device.empty() ? open_pty(link) : open_serial_port(device, line);
+}
+
 std::unique_ptr<FarEnd> open_master(const Options& options) {
   const LineSettings line = network_settings(options.sw_baud, kClock);
-  std::unique_ptr<BytePort> port;
-  if (options.modbus_device.empty()) {
-    port = std::make_unique<PtyPort>(options.modbus_link);
-  } else {
-    port = std::make_unique<SerialPort>(options.modbus_device, line);
-  }
-  return std::make_unique<PortFarEnd>(std::move(port), line, kClock, 0);
+  return std::make_unique<PortFarEnd>(open_port(options.modbus_device, options.modbus_link, line), line, kClock, 0);
 }
 
 std::unique_ptr<FarEnd> open_drive(const Options& options) {
   const LineSettings line = drive_settings(kClock);
-  std::unique_ptr<BytePort> port;
-  if (!options.drive_device.empty()) {
-    port = std::make_unique<SerialPort>(options.drive_device, line);
-  } else if (!options.drive_link.empty()) {
-    port = std::make_unique<PtyPort>(options.drive_link);
-  } else {
+  if (options.drive_device.empty() && options.drive_link.empty())
     return std::make_unique<DriveEnd>(*options.profile, options.example,
                                       static_cast<std::int64_t>(options.trip_seconds * 1e6), line, kClock,
                                       kClock.from_microseconds(kDriveResponseUs));
-  }
-  return std::make_unique<PortFarEnd>(std::move(port), line, kClock,
+  return std::make_unique<PortFarEnd>(open_port(options.drive_device, options.drive_link, line), line, kClock,
                                       kClock.from_seconds(kForeignDriveSeconds));
 }
 
@@ -120,7 +107,7 @@ void check_files(const Recording& recording) {
 
 void run(const Options& options) {
   const LineSettings network = network_settings(options.sw_baud, kClock);
-  Recording recording(kClock, Describer(Words(*options.dialect, *options.profile)), options.log_file,
+  Recording recording(kClock, Describer(*options.dialect, *options.profile), options.log_file,
                       options.pcap_file);
   if (!options.quiet) recording.listen(print_frame, print_led);
   recording.network_line(network.name());

@@ -17,17 +17,6 @@ namespace {
 
 constexpr const char* kDefaultBaudSwitches = "111110000";  // 9600 8N2
 constexpr const char* kDefaultAddrSwitches = "10000000";   // address 1
-constexpr std::size_t kBaudSwitches = 9;
-constexpr std::size_t kAddrSwitches = 8;
-
-unsigned switches(const std::string& option, const std::string& text, std::size_t count) {
-  if (text.size() != count || text.find_first_not_of("01") != std::string::npos)
-    throw UserError(option + " takes " + std::to_string(count) + " digits 0 or 1, switch 1 first, not '" +
-                    text + "'");
-  unsigned value = 0;
-  for (std::size_t i = 0; i < count; ++i) value |= static_cast<unsigned>(text[i] - '0') << i;
-  return value;
-}
 
 double positive_seconds(const std::string& option, const std::string& text) {
   char* end = nullptr;
@@ -35,11 +24,6 @@ double positive_seconds(const std::string& option, const std::string& text) {
   if (text.empty() || *end != '\0' || !std::isfinite(value) || value <= 0)
     throw UserError(option + " takes a number of seconds above 0, not '" + text + "'");
   return value;
-}
-
-bool is_real(const std::string& option, const std::string& text) {
-  if (text != "real" && text != "max") throw UserError(option + " is real or max, not '" + text + "'");
-  return text == "real";
 }
 
 // "a, b or c"
@@ -51,7 +35,7 @@ std::string listed(const std::vector<std::string>& names) {
 
 std::string dialect_names() {
   std::vector<std::string> names;
-  for (const Dialect& dialect : dialects()) names.emplace_back(dialect.name);
+  for (const Dialect& dialect : kDialects) names.emplace_back(dialect.name);
   return listed(names);
 }
 
@@ -61,15 +45,10 @@ std::string profile_names() {
   return listed(names);
 }
 
-const Dialect* dialect(const std::string& option, const std::string& text) {
-  const Dialect* const found = find_dialect(text);
-  if (found == nullptr) throw UserError(option + " is " + dialect_names() + ", not '" + text + "'");
-  return found;
-}
-
-const drive_profile_t* profile(const std::string& option, const std::string& text) {
-  const drive_profile_t* const found = drive_profile(text.c_str());
-  if (found == nullptr) throw UserError(option + " is " + profile_names() + ", not '" + text + "'");
+// What an option finds by a name.
+template <typename Found>
+Found one_of(const std::string& option, const std::string& names, const std::string& text, Found found) {
+  if (!found) throw UserError(option + " is " + names + ", not '" + text + "'");
   return found;
 }
 
@@ -94,7 +73,7 @@ void check_together(const Options& options) {
   if (options.trip_seconds > 0 && !(options.drive_link.empty() && options.drive_device.empty()))
     throw UserError("--trip is for the simulated drive");
   if (options.dialect->images[options.image] == nullptr)
-    throw UserError(std::string(flags()[options.image - 1].name) + " has no image for the dialect " +
+    throw UserError(std::string(kFlags[options.image - 1].name) + " has no image for the dialect " +
                     options.dialect->name);
   if (!options.real_time && (!options.modbus_device.empty() || !options.drive_device.empty()))
     throw UserError("--speed max does not go with a real serial port");
@@ -114,40 +93,41 @@ std::string help_line(const std::string& name, const std::string& text) {
 
 std::string dialect_help() {
   std::string text;
-  for (const Dialect& dialect : dialects())
+  for (const Dialect& dialect : kDialects)
     text += help_line("", std::string(dialect.name) + ": " + dialect.about + ", drive " + dialect.profile);
   return text;
 }
 
 std::string flag_help() {
   std::string text;
-  for (std::size_t i = 1; i <= flags().size(); ++i) {
+  for (std::size_t i = 1; i <= kFlags.size(); ++i) {
     std::string usual;
     std::string missing;
-    for (const Dialect& dialect : dialects()) {
+    for (const Dialect& dialect : kDialects) {
       if (dialect.images[i] == nullptr)
         missing += std::string(", not with ") + dialect.name;
       else if (std::string(dialect.images[i]) == dialect.images[0])
         usual += std::string(", default with ") + dialect.name;
     }
-    text += help_line(flags()[i - 1].name, flags()[i - 1].help + usual + missing);
+    text += help_line(kFlags[i - 1].name, kFlags[i - 1].help + usual + missing);
   }
   return text;
 }
 
 }  // namespace
 
-unsigned baud_switches(const std::string& option, const std::string& text) {
-  return switches(option, text, kBaudSwitches);
-}
-
-unsigned addr_switches(const std::string& option, const std::string& text) {
-  return switches(option, text, kAddrSwitches);
+unsigned switches(const std::string& option, const std::string& text, std::size_t count) {
+  if (text.size() != count || text.find_first_not_of("01") != std::string::npos)
+    throw UserError(option + " takes " + std::to_string(count) + " digits 0 or 1, switch 1 first, not '" +
+                    text + "'");
+  unsigned value = 0;
+  for (std::size_t i = 0; i < count; ++i) value |= static_cast<unsigned>(text[i] - '0') << i;
+  return value;
 }
 
 Options parse_options(int argc, char** argv) {
   Options options;
-  options.dialect = &dialects()[0];
+  options.dialect = &kDialects[0];
   options.sw_baud = switches("--sw-baud", kDefaultBaudSwitches, kBaudSwitches);
   options.sw_addr = switches("--sw-addr", kDefaultAddrSwitches, kAddrSwitches);
   const auto text = [](std::string& target) {
@@ -164,13 +144,19 @@ Options parse_options(int argc, char** argv) {
        }},
       {"--trip", true, [&](const std::string& v) { options.trip_seconds = positive_seconds("--trip", v); }},
       {"--drive-device", true, text(options.drive_device)},
-      {"--profile", true, [&](const std::string& v) { options.profile = profile("--profile", v); }},
-      {"--dialect", true, [&](const std::string& v) { options.dialect = dialect("--dialect", v); }},
-      {"--sw-baud", true,
-       [&](const std::string& v) { options.sw_baud = baud_switches("--sw-baud", v); }},
-      {"--sw-addr", true,
-       [&](const std::string& v) { options.sw_addr = addr_switches("--sw-addr", v); }},
-      {"--speed", true, [&](const std::string& v) { options.real_time = is_real("--speed", v); }},
+      {"--profile", true,
+       [&](const std::string& v) {
+         options.profile = one_of("--profile", profile_names(), v, drive_profile(v.c_str()));
+       }},
+      {"--dialect", true,
+       [&](const std::string& v) { options.dialect = one_of("--dialect", dialect_names(), v, find_dialect(v)); }},
+      {"--sw-baud", true, [&](const std::string& v) { options.sw_baud = switches("--sw-baud", v, kBaudSwitches); }},
+      {"--sw-addr", true, [&](const std::string& v) { options.sw_addr = switches("--sw-addr", v, kAddrSwitches); }},
+      {"--speed", true,
+       [&](const std::string& v) {
+         one_of("--speed", "real or max", v, v == "real" || v == "max");
+         options.real_time = v == "real";
+       }},
       {"--for", true, [&](const std::string& v) { options.seconds = positive_seconds("--for", v); }},
       {"--wave", true, text(options.wave_file)},
       {"--pcap", true, text(options.pcap_file)},
@@ -180,11 +166,11 @@ Options parse_options(int argc, char** argv) {
       {"--help", false, flag(options.help)},
       {"--version", false, flag(options.version)},
   };
-  for (std::size_t i = 1; i <= flags().size(); ++i)
-    known.push_back({flags()[i - 1].name, false, [&options, i](const std::string&) {
+  for (std::size_t i = 1; i <= kFlags.size(); ++i)
+    known.push_back({kFlags[i - 1].name, false, [&options, i](const std::string&) {
                        if (options.image != 0 && options.image != i)
-                         throw UserError(std::string(flags()[options.image - 1].name) + " and " +
-                                         flags()[i - 1].name + " exclude each other: no image has both");
+                         throw UserError(std::string(kFlags[options.image - 1].name) + " and " +
+                                         kFlags[i - 1].name + " exclude each other: no image has both");
                        options.image = i;
                      }});
   for (int i = 1; i < argc; ++i) {

@@ -1,8 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 // Command line of the virtual card.
 
-#ifndef OPTIONS_H
-#define OPTIONS_H
+#pragma once
 
 #include <string>
 
@@ -37,12 +36,10 @@ struct Options {
 // Throws UserError for anything that is not in help_text().
 Options parse_options(int argc, char** argv);
 
+constexpr std::size_t kBaudSwitches = 9, kAddrSwitches = 8;
 // Switch digits as in help_text(), bit n-1 = switch n. `option`: what the error names. Throws UserError.
-unsigned baud_switches(const std::string& option, const std::string& text);
-unsigned addr_switches(const std::string& option, const std::string& text);
+unsigned switches(const std::string& option, const std::string& text, std::size_t count);
 
 std::string help_text();
 
 }  // namespace card
-
-#endif

@@ -3,8 +3,7 @@
 // arrives here when it has ended, an LED change when it is decided. Listeners get the same events. Does not
 // depend on the virtual card: test benches use it too.
 
-#ifndef RECORDING_H
-#define RECORDING_H
+#pragma once
 
 #include <functional>
 #include <map>
@@ -12,21 +11,23 @@
 #include <string>
 
 #include "describe.h"
-#include "json_log.h"
 #include "led_watch.h"
-#include "pcapng.h"
 
 namespace card {
+
+class JsonLog;
+class PcapngFile;
 
 class Recording {
  public:
   // An empty file name means no file. Throws UserError.
   Recording(const SimClock& clock, const Describer& describer, const std::string& log_file,
             const std::string& pcap_file);
+  ~Recording();
   void listen(std::function<void(const Frame&)> frames, std::function<void(const LedChange&)> leds);
 
   // New rate and format of the network line.
-  void network_line(const std::string& settings);
+  void network_line(const std::string& settings) { settings_ = settings; }
   void frame(const Frame& frame);
   void led(const LedChange& change);
   // All events before `settled` have arrived; writes them.
@@ -37,9 +38,6 @@ class Recording {
   std::string trouble() const;
 
  private:
-  void write_frame(Frame frame, const std::string& settings);
-  void write_led(const LedChange& change);
-
   Describer describer_;
   std::string settings_;  // of the network line
   std::multimap<Cycles, std::function<void()>> waiting_;
@@ -50,5 +48,3 @@ class Recording {
 };
 
 }  // namespace card
-
-#endif

@@ -1,8 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 // Simulated time in cycles of the card's clock, counted from the release of the reset.
 
-#ifndef SIM_CLOCK_H
-#define SIM_CLOCK_H
+#pragma once
 
 #include <cstdint>
 #include <limits>
@@ -41,5 +40,3 @@ struct SimClock {
 };
 
 }  // namespace card
-
-#endif

@@ -5,13 +5,51 @@
 #include <cmath>
 #include <utility>
 
+#include "card_tables.h"
+
 namespace card {
 
 namespace {
+// Characters added to the required silence, so that the next frame is certain to count as new.
+constexpr double kExtraCharacters = 0.5;
+
 constexpr int kFirstDataBit = 1;
 constexpr unsigned kThousand = 1000;
 constexpr int kAfterData = 9;  // parity bit, or first stop bit without parity
+
+Cycles ticks(int count, int baud, const SimClock& clock) {
+  return clock.bit_parts(count, card_tables::kTicksPerBit, baud);
+}
+
+// `silence`: in ticks, before a new burst.
+LineSettings line_settings(int baud, const card_tables::Format& format, int silence, const SimClock& clock) {
+  const int extra = static_cast<int>(kExtraCharacters * format.character_bits * card_tables::kTicksPerBit);
+  return {baud, format.parity, format.stop_bits, {}, ticks(silence + extra, baud, clock)};
+}
+
 }  // namespace
+
+std::string LineSettings::name() const {
+  return std::to_string(baud) + " 8" + parity + std::to_string(stop_bits);
+}
+
+LineSettings network_settings(unsigned sw_baud, const SimClock& clock) {
+  const auto& lines = CARD_EXTENDED_SWITCHES ? card_tables::kExtendedLine : card_tables::kLine;
+  const card_tables::Line& set = lines[sw_baud & 31];
+  LineSettings line = line_settings(set.baud, set.format, set.t35_ticks, clock);
+  const Cycles t35 = ticks(set.t35_ticks, line.baud, clock);
+  line.silences = {ticks(set.t15_ticks, line.baud, clock), t35, t35 * 2 / 7};
+  return line;
+}
+
+LineSettings drive_settings(const SimClock& clock) {
+  using namespace card_tables;
+  LineSettings line = line_settings(kDriveBaud, kDriveFormat, kDrivePauseTicks, clock);
+  // The pause before a telegram is also the longest gap FC-8 allows inside one.
+  const Cycles pause = ticks(kDrivePauseTicks, line.baud, clock);
+  line.silences = {pause, pause, pause / 2};
+  return line;
+}
 
 UartLine::UartLine(const SimClock& clock, const LineSettings& settings, Listener listener)
     : clock_(clock), settings_(settings), listener_(std::move(listener)) {}
@@ -33,7 +71,7 @@ int UartLine::bit_to_flip() {
   return kFirstDataBit + static_cast<int>(noise_() % (settings_.parity == 'N' ? 8u : 9u));
 }
 
-void UartLine::send(const std::vector<std::uint8_t>& bytes, Cycles now) {
+void UartLine::send(const Bytes& bytes, Cycles now) {
   tx_queue_.insert(tx_queue_.end(), bytes.begin(), bytes.end());
   if (!far_end_sending() && !tx_queue_.empty()) {
     tx_start_ = now;

@@ -1,21 +1,46 @@
 // SPDX-License-Identifier: Apache-2.0
-// One half-duplex RS-485 pair in simulated time. It sends the bytes of the far end to the card's receive pin,
-// bit by bit, and reads the bytes that the card sends (LINE-1). All times in cycles of the card's clock.
+// The two serial lines: rate, format and silences as the card's switches set them (LINE-1..3, FRAME-1, FC-8), and
+// one half-duplex RS-485 pair in simulated time. It sends the bytes of the far end to the card's receive pin, bit
+// by bit, and reads the bytes that the card sends. All times in cycles of the card's clock.
 
-#ifndef UART_LINE_H
-#define UART_LINE_H
+#pragma once
 
 #include <algorithm>
 #include <cstdint>
 #include <deque>
 #include <functional>
 #include <random>
+#include <string>
 #include <vector>
 
-#include "line_settings.h"
 #include "sim_clock.h"
 
 namespace card {
+
+using Bytes = std::vector<std::uint8_t>;
+
+// Silences of a line. A silence longer than `inside` may not occur in a frame; one longer than `between` ends
+// the frame. On the drive line both are equal.
+struct Silences {
+  Cycles inside;
+  Cycles between;
+  Cycles character;  // unit in which silences are reported; above 19200 bit/s longer than 11 bits (FRAME-1)
+};
+
+struct LineSettings {
+  int baud;           // bit/s
+  char parity;        // 'N', 'O' or 'E'
+  int stop_bits;      // sent; a receiver needs only the first
+  Silences silences;  // a byte that starts within `inside` of the previous one belongs to its frame
+  Cycles burst_gap;   // silence before a new burst
+
+  int char_bits() const { return 1 + 8 + (parity == 'N' ? 0 : 1) + stop_bits; }
+  std::string name() const;  // "9600 8N2"
+};
+
+// Switch values as the pins take them: bit n-1 = switch n, 1 = ON.
+LineSettings network_settings(unsigned sw_baud, const SimClock& clock);
+LineSettings drive_settings(const SimClock& clock);
 
 enum class Sender { kFarEnd, kCard };
 
@@ -37,7 +62,7 @@ class UartLine {
   UartLine(const SimClock& clock, const LineSettings& settings, Listener listener);
 
   // Queues bytes of the far end; they follow one another without gaps.
-  void send(const std::vector<std::uint8_t>& bytes, Cycles now);
+  void send(const Bytes& bytes, Cycles now);
   bool far_end_sending() const { return tx_bit_ >= 0; }
 
   // Cycle of the next event; call run() with it before that cycle is simulated.
@@ -105,5 +130,3 @@ class UartLine {
 };
 
 }  // namespace card
-
-#endif

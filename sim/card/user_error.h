@@ -1,8 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 // Error that the user can correct: printed as one line, exit code 2.
 
-#ifndef USER_ERROR_H
-#define USER_ERROR_H
+#pragma once
 
 #include <cerrno>
 #include <cstring>
@@ -21,5 +20,3 @@ inline UserError system_error(const std::string& what) {
 }
 
 }  // namespace card
-
-#endif

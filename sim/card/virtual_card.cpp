@@ -13,7 +13,6 @@
 #include <utility>
 
 #include "card_model.h"
-#include "line_settings.h"
 #include "user_error.h"
 
 namespace card {
@@ -29,26 +28,21 @@ constexpr unsigned level(unsigned pins, harness::Signal signal) { return pins >>
 
 }  // namespace
 
+VirtualCard::Port::Port(LineId id, const SimClock& clock, const LineSettings& settings,
+                        FrameGrouper::Listener on_frame, LedWatch::Listener on_led)
+    : line(clock, settings,
+           [this](const LineByte& byte) {
+             frames.add(byte);
+             if (byte.sender == Sender::kCard && far_end != nullptr && !line.trouble().cut) far_end->from_card(byte);
+           }),
+      frames(id, settings.silences, std::move(on_frame)),
+      led(line_name(id), clock, std::move(on_led)) {}
+
 VirtualCard::VirtualCard(const CardSetup& setup, FrameGrouper::Listener on_frame, LedWatch::Listener on_led)
     : clock_(setup.clock),
       slice_(clock_.from_microseconds(kSliceUs)),
-      modbus_{UartLine(clock_, network_settings(setup.sw_baud, clock_),
-                       [this](const LineByte& byte) {
-                         modbus_.frames.add(byte);
-                         if (byte.sender == Sender::kCard && modbus_.far_end && !modbus_.line.trouble().cut)
-                           modbus_.far_end->from_card(byte);
-                       }),
-              FrameGrouper(LineId::kModbus, network_settings(setup.sw_baud, clock_).silences, on_frame),
-              nullptr},
-      drive_{UartLine(clock_, drive_settings(clock_),
-                      [this](const LineByte& byte) {
-                        drive_.frames.add(byte);
-                        if (byte.sender == Sender::kCard && drive_.far_end && !drive_.line.trouble().cut)
-                          drive_.far_end->from_card(byte);
-                      }),
-             FrameGrouper(LineId::kDrive, drive_settings(clock_).silences, on_frame), nullptr},
-      modbus_led_("modbus", clock_, on_led),
-      drive_led_("drive", clock_, on_led) {
+      modbus_(LineId::kModbus, clock_, network_settings(setup.sw_baud, clock_), on_frame, on_led),
+      drive_(LineId::kDrive, clock_, drive_settings(clock_), on_frame, on_led) {
   model_ = std::make_unique<harness::CardModel>(harness::PowerUp{setup.sw_baud, setup.sw_addr});
   if (!setup.wave_file.empty()) open_wave(setup.wave_file);
   load_firmware(setup.firmware_folder);
@@ -136,13 +130,13 @@ void VirtualCard::power_cycle(unsigned sw_baud, unsigned sw_addr) {
   model_->reset(false);
 }
 
+unsigned VirtualCard::colour(LineId which) const {
+  return model_->leds() >> (which == LineId::kModbus ? harness::kModbusRedLed : harness::kDriveRedLed) & 3u;
+}
+
 const char* VirtualCard::led(LineId which) const {
-  const bool modbus = which == LineId::kModbus;
-  const unsigned leds = model_->leds();
-  const unsigned red = level(leds, modbus ? harness::kModbusRedLed : harness::kDriveRedLed);
-  const unsigned green = level(leds, modbus ? harness::kModbusGreenLed : harness::kDriveGreenLed);
   static constexpr const char* kShows[] = {"off", "red", "green", "orange"};
-  return kShows[red | green << 1];
+  return kShows[colour(which)];
 }
 
 void VirtualCard::drive_inputs() {
@@ -191,9 +185,7 @@ void VirtualCard::step_far_ends() {
     port->far_end->step(port->line, now_);
   }
   next_event_ = std::min(modbus_.line.next_event(), drive_.line.next_event());
-  const unsigned leds = model_->leds();
-  modbus_led_.sample(level(leds, harness::kModbusRedLed), level(leds, harness::kModbusGreenLed), now_);
-  drive_led_.sample(level(leds, harness::kDriveRedLed), level(leds, harness::kDriveGreenLed), now_);
+  for (const LineId which : {LineId::kModbus, LineId::kDrive}) port(which).led.sample(colour(which), now_);
 }
 
 void VirtualCard::run(Cycles cycles) {
@@ -212,8 +204,8 @@ void VirtualCard::run(Cycles cycles) {
 Cycles VirtualCard::settled() const {
   Cycles since = now_;
   for (const Port* port : {&modbus_, &drive_})
-    since = std::min({since, port->frames.open_since(), port->line.byte_since()});
-  return std::min({since, modbus_led_.undecided_since(), drive_led_.undecided_since()});
+    since = std::min({since, port->frames.open_since(), port->line.byte_since(), port->led.undecided_since()});
+  return since;
 }
 
 void VirtualCard::finish() {

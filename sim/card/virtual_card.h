@@ -2,17 +2,11 @@
 // The Verilated card with its two lines. It steps the clock, moves bits between the pins and the lines, samples
 // the LEDs, and can write a waveform. Other files handle wall time, file formats and command lines.
 
-#ifndef VIRTUAL_CARD_H
-#define VIRTUAL_CARD_H
-
-#include <memory>
-#include <string>
+#pragma once
 
 #include "far_end.h"
 #include "frame.h"
 #include "led_watch.h"
-#include "sim_clock.h"
-#include "uart_line.h"
 
 namespace harness {
 class CardModel;
@@ -43,7 +37,7 @@ class VirtualCard {
   Cycles settled() const;
   // Power off and on: frames on the lines are lost, and the card reads the switches again. Time continues.
   void power_cycle(unsigned sw_baud, unsigned sw_addr);
-  UartLine& line(LineId which) { return which == LineId::kModbus ? modbus_.line : drive_.line; }
+  UartLine& line(LineId which) { return port(which).line; }
   // Present colour of an LED.
   const char* led(LineId which) const;
   // Writes the waveform so far to its file, if there is one. Ends the program when the last call has written nothing.
@@ -53,12 +47,19 @@ class VirtualCard {
   void finish();
 
  private:
+  // A line with its far end and its LED.
   struct Port {
+    Port(LineId id, const SimClock& clock, const LineSettings& settings, FrameGrouper::Listener on_frame,
+         LedWatch::Listener on_led);
     UartLine line;
     FrameGrouper frames;
-    FarEnd* far_end;
+    LedWatch led;
+    FarEnd* far_end = nullptr;
   };
 
+  Port& port(LineId which) { return which == LineId::kModbus ? modbus_ : drive_; }
+  // Of an LED: bit 0 red, bit 1 green.
+  unsigned colour(LineId which) const;
   void load_firmware(const std::string& folder);
   void reset();
   template <bool kWave>
@@ -75,8 +76,6 @@ class VirtualCard {
   std::unique_ptr<harness::CardModel> model_;
   Port modbus_;
   Port drive_;
-  LedWatch modbus_led_;
-  LedWatch drive_led_;
   Cycles now_ = 0;
   Cycles next_event_ = 0;
   unsigned last_pins_ = 0;
@@ -86,5 +85,3 @@ class VirtualCard {
 };
 
 }  // namespace card
-
-#endif

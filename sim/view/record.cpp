@@ -8,8 +8,6 @@
 #include <memory>
 #include <string>
 
-#include "frame.h"
-#include "led_watch.h"
 #include "recording.h"
 #include "user_error.h"
 
@@ -50,7 +48,7 @@ void* record_open(const char* log, const char* pcap, const char* dialect, char* 
   try {
     const Dialect* const words_of = find_dialect(dialect);
     if (words_of == nullptr) throw UserError(std::string("no dialect ") + dialect);
-    return new Recorder(Describer(Words(*words_of, *drive_profile(words_of->profile))), log, pcap);
+    return new Recorder(Describer(*words_of, *drive_profile(words_of->profile)), log, pcap);
   } catch (const UserError& wrong) {
     std::snprintf(error, error_size, "%s", wrong.what());
     return nullptr;
@@ -84,7 +82,8 @@ void record_end_frame(void* recorder, int line) {
 
 // Levels of an LED, 0 network, 1 drive; call every few milliseconds so that flashing is recognised.
 void record_led(void* recorder, int led, int red, int green, long long now) {
-  static_cast<Recorder*>(recorder)->leds.at(static_cast<std::size_t>(led)).sample(red != 0, green != 0, now);
+  const unsigned colour = (red != 0 ? 1u : 0u) | (green != 0 ? 2u : 0u);
+  static_cast<Recorder*>(recorder)->leds.at(static_cast<std::size_t>(led)).sample(colour, now);
 }
 
 // Writes all events that no later event can precede.

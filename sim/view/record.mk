@@ -6,7 +6,7 @@ ifndef DRIVE_TABLES
 include sim/drive/drive.mk
 endif
 
-RECORD_PARTS := describe_drive describe_modbus dialect frame json_log led_watch output_file pcapng recording words
+RECORD_PARTS := describe frame led_watch recording
 RECORD_SOURCES := sim/view/record.cpp $(RECORD_PARTS:%=sim/card/%.cpp)
 RECORD_FLAGS := -std=c++17 -O2 -Wall -Wextra -Werror -fPIC -Isim/card -Iregs/generated
 
