@@ -7,14 +7,15 @@ card's state after power-up; these requests are in the recording too.
 
 from __future__ import annotations
 
-import contextlib
 import os
 import select
+import termios
 import threading
 import time
 import tty
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Self
 
 from sim.card.run_card import CardError, Frame, RunningCard
 from tb.agents.crc16 import with_crc
@@ -36,11 +37,17 @@ BETWEEN_S = 0.02  # wall time for the telegram of a broadcast
 
 
 class Port:
-    """One side of a pty, byte for byte."""
+    """One side of a serial line, byte for byte; times in wall seconds."""
 
-    def __init__(self, path: Path) -> None:
+    def __init__(self, path: Path | str) -> None:
         self.fd = os.open(path, os.O_RDWR | os.O_NOCTTY)
-        tty.setraw(self.fd)
+        tty.setraw(self.fd, termios.TCSANOW)  # keeps pending bytes, as many programs do
+
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self.close()
 
     def close(self) -> None:
         os.close(self.fd)
@@ -48,31 +55,36 @@ class Port:
     def write(self, data: bytes) -> None:
         os.write(self.fd, data)
 
-    def read(self, count: int, seconds: float) -> bytes:
+    def read(self, count: int, seconds: float = 5.0) -> bytes:
         """Returns `count` bytes, or fewer after `seconds`."""
         data, end = b"", time.monotonic() + seconds
         while len(data) < count and select.select([self.fd], [], [], max(0.0, end - time.monotonic()))[0]:
-            data += os.read(self.fd, count - len(data))
+            part = os.read(self.fd, count - len(data))
+            if not part:  # the other end is closed
+                break
+            data += part
         return data
 
 
 class ScriptedDrive:
     """Answers complete telegrams from a table and ignores all others."""
 
-    def __init__(self, link: Path) -> None:
-        self.replies: dict[bytes, bytes] = {}
+    def __init__(self, link: Path, replies: dict[bytes, bytes] | None = None) -> None:
+        self.replies = replies or {}
+        self.telegrams: list[bytes] = []
+        self.heard = b""  # of a telegram that is not complete
         self._port = Port(link)
         self._stopping = False
         self._thread = threading.Thread(target=self._serve, daemon=True)
         self._thread.start()
 
     def _serve(self) -> None:
-        heard = b""
         while not self._stopping:
-            heard += self._port.read(1, 0.05)
-            if len(heard) > 1 and len(heard) == heard[1] + 2:
-                reply, heard = self.replies.get(heard), b""
-                if reply:
+            self.heard += self._port.read(1, 0.05)
+            if len(self.heard) > 1 and len(self.heard) == self.heard[1] + 2:
+                telegram, self.heard = self.heard, b""
+                self.telegrams.append(telegram)
+                if reply := self.replies.get(telegram):
                     self._port.write(reply)
 
     def stop(self) -> None:
@@ -160,7 +172,6 @@ class ExampleRun:
 
 def record(folder: Path, names: tuple[str, ...] = tuple(EXAMPLES), wave: bool = False) -> Recorded:
     """Plays the examples; the recorded files are in `folder`."""
-    with contextlib.ExitStack() as stack:
-        run = stack.enter_context(ExampleRun(folder, wave))
+    with ExampleRun(folder, wave) as run:
         played = tuple(run.play(name) for name in names)
     return Recorded(played, tuple(run.card.frames()), run.pcap, run.card.log, run.wave)

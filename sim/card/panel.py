@@ -24,11 +24,11 @@ import textwrap
 import threading
 import time
 import tomllib
-from collections import deque
+from collections import Counter, deque
 from collections.abc import Iterator
 from contextlib import suppress
 from pathlib import Path
-from typing import ClassVar, Protocol
+from typing import ClassVar
 
 from rich.text import Text
 from textual.app import App, ComposeResult
@@ -134,20 +134,7 @@ class View:
         self.word = {"control": 0, "reference": 0, "status": 0, "frequency": 0}
         self.heard: set[str] = set()  # process words seen so far
         self.trends = {name: deque(maxlen=TRENDS) for name in ("reference", "frequency")}
-        self.count = dict.fromkeys(
-            (
-                "requests",
-                "replies",
-                "exceptions",
-                "bad",
-                "revoked",
-                "telegrams",
-                "answers",
-                "refused",
-                "harmed",
-            ),
-            0,
-        )
+        self.count: Counter[str] = Counter()
         self.transactions: deque[Text] = deque(maxlen=LINES_KEPT)
         self.slowest_ms = 0.0
         self.cursor = 0
@@ -322,15 +309,7 @@ class View:
         return Text("\n", no_wrap=True, overflow="ellipsis").join(shown)
 
 
-# ---------------------------------------------------------------- sources
-
-
-class Source(Protocol):
-    def command(self, text: str) -> None:
-        """Sends a command to the card; events() returns the answer."""
-
-    def events(self) -> Iterator[dict]:
-        """Returns new log entries, states, {"message": ...} and {"exit": code}."""
+# ---------------------------------------------------------------- the card
 
 
 class LiveCard:
@@ -369,11 +348,13 @@ class LiveCard:
         self._lines.put(None)
 
     def command(self, text: str) -> None:
+        """Sends a command to the card; events() returns the answer."""
         with suppress(OSError):  # the card has ended: events() reports it
             self.process.stdin.write(f"{text}\n")
             self.process.stdin.flush()
 
     def events(self) -> Iterator[dict]:
+        """Returns new log entries, states, {"message": ...} and {"exit": code}."""
         self._rest += self._file.read()
         *whole, self._rest = self._rest.split("\n")
         yield from map(json.loads, whole)
@@ -437,7 +418,7 @@ class Panel(App[int]):
         Binding("q,ctrl+c", "leave", "quit"),
     ]
 
-    def __init__(self, source: Source, view: View) -> None:
+    def __init__(self, source: LiveCard, view: View) -> None:
         super().__init__()
         self.source, self.view = source, view
         self._helping = False

@@ -8,21 +8,19 @@ import re
 import select
 import shutil
 import signal
-import struct
 import subprocess
 import sys
 import termios
-import threading
 import time
-import tty
 from pathlib import Path
 from resource import RLIMIT_FSIZE, setrlimit
 
 import pytest
-from pymodbus.client import ModbusSerialClient
 
 from regs.dialects import FLAGS, STANDARD
 from rtl.sources import ROOT
+from sim.card.demo import manual_examples, spaced
+from sim.card.example_run import Port, ScriptedDrive
 from sim.card.run_card import CARD, Frame, RunningCard
 from tb.agents.crc16 import with_crc
 from tb.lib.nightly import first
@@ -30,15 +28,7 @@ from tb.model.card import DIALECTS, VERSION
 from tb.model.examples import EXAMPLES
 from tb.model.vlt_drive import PROFILES
 
-MANUAL = [
-    "ex1-start-40",
-    "ex2-ramp-stop",
-    "ex3-coast-stop",
-    "ex4-write-104",
-    "ex5-read-514",
-    "ex6a-ind-0500",
-    "ex6b-text-533",
-]
+MANUAL = list(manual_examples())
 OPTIONS = [
     *("--modbus", "--drive", "--modbus-device", "--drive-device", "--sw-baud", "--sw-addr"),
     *("--dialect", "--profile", "--speed", "--wave", "--pcap", "--log", "--quiet", "--control", "--for"),
@@ -48,11 +38,6 @@ READ_CONTROL = with_crc(bytes.fromhex("01 01 00 00 00 20"))
 CHARACTER_S = 11 / 9600
 T35_S = 3.5 * CHARACTER_S
 BIT_S = 1 / 9600
-DEMO = "sim.card.demo"
-
-
-def spaced(data: bytes) -> str:
-    return data.hex(" ").upper()
 
 
 def request_of(name: str) -> bytes:
@@ -73,32 +58,7 @@ def drive_replies_of(*names: str) -> dict[bytes, bytes]:
     return {bytes.fromhex(telegram): bytes.fromhex(reply) for telegram, reply in pairs if reply}
 
 
-class RawPort:
-    """One side of a serial line, byte for byte; times in wall seconds."""
-
-    def __init__(self, path: Path | str) -> None:
-        self.fd = os.open(path, os.O_RDWR | os.O_NOCTTY)
-        tty.setraw(self.fd, termios.TCSANOW)  # keeps pending bytes, as many programs do
-
-    def __enter__(self) -> RawPort:
-        return self
-
-    def __exit__(self, *_: object) -> None:
-        os.close(self.fd)
-
-    def write(self, data: bytes) -> None:
-        os.write(self.fd, data)
-
-    def read(self, count: int, seconds: float = 5.0) -> bytes:
-        """Returns `count` bytes, or fewer after `seconds`."""
-        data, end = b"", time.monotonic() + seconds
-        while len(data) < count and select.select([self.fd], [], [], max(0.0, end - time.monotonic()))[0]:
-            part = os.read(self.fd, count - len(data))
-            if not part:  # the other end is closed
-                break
-            data += part
-        return data
-
+class RawPort(Port):
     def ask(self, request: bytes, reply_bytes: int) -> bytes:
         self.write(request)
         return self.read(reply_bytes)
@@ -106,32 +66,6 @@ class RawPort:
     def example(self, name: str) -> None:
         """Sends an example's request and checks its reply byte for byte."""
         assert self.ask(request_of(name), len(reply_of(name))) == reply_of(name), name
-
-
-class ForeignDrive(threading.Thread):
-    """Drive on the other side of a link that answers from a table of replies."""
-
-    def __init__(self, link: Path, replies: dict[bytes, bytes]) -> None:
-        super().__init__(daemon=True)
-        self.port = RawPort(link)
-        self.replies = replies
-        self.heard = b""
-        self.telegrams: list[bytes] = []
-        self.stopping = False
-        self.start()
-
-    def run(self) -> None:
-        while not self.stopping:
-            self.heard += self.port.read(1, 0.05)
-            if len(self.heard) > 1 and len(self.heard) == self.heard[1] + 2:
-                telegram, self.heard = self.heard, b""
-                self.telegrams.append(telegram)
-                if telegram in self.replies:
-                    self.port.write(self.replies[telegram])
-
-    def stop(self) -> None:
-        self.stopping = True
-        self.join()
 
 
 def of(frames: list[Frame], line: str, sender: str) -> list[Frame]:
@@ -263,7 +197,8 @@ def test_a_card_takes_a_dead_card_s_link_and_removes_only_its_own(tmp_path):
         card.stop(signal.SIGKILL)
         assert card.link.is_symlink()
     with RunningCard(tmp_path) as card:
-        assert pymodbus_client(card).read_coils(0, count=16, device_id=1).bits == [False] * 16
+        with RawPort(card.link) as master:
+            assert len(master.ask(READ_CONTROL, 9)) == 9
         card.link.unlink()
         card.link.write_text("someone else's")
         assert card.stop() == 0
@@ -291,7 +226,7 @@ def test_a_foreign_drive_has_wall_time_to_answer_at_full_speed(tmp_path):
 def test_a_foreign_drive_sees_exactly_the_telegrams_of_the_examples(tmp_path):
     link = tmp_path / "drive"
     with RunningCard(tmp_path, "--drive", str(link)) as card, RawPort(card.link) as master:
-        drive = ForeignDrive(link, drive_replies_of(*MANUAL))
+        drive = ScriptedDrive(link, drive_replies_of(*MANUAL))
         for name in MANUAL:
             master.example(name)
         drive.stop()
@@ -299,65 +234,14 @@ def test_a_foreign_drive_sees_exactly_the_telegrams_of_the_examples(tmp_path):
     assert drive.heard == b""
 
 
-@pytest.mark.rule("MAP-3", "MAP-7")
-def test_pymodbus_reads_and_writes(tmp_path):
-    with RunningCard(tmp_path, "--drive", "example") as card:
-        client = pymodbus_client(card)
-        assert client.read_holding_registers(5139, count=2, device_id=1).registers == [0, 300]
-        assert not client.write_coils(0, [True, False] * 16, device_id=1).isError()
-        assert client.read_coils(0, count=32, device_id=1).bits == [True, False] * 16
-        assert client.read_coils(128, count=1, device_id=1).exception_code == 64
-        client.close()
-
-
 # ---------------------------------------------------------------- the simulated drive
-def pymodbus_client(card: RunningCard) -> ModbusSerialClient:
-    client = ModbusSerialClient(str(card.link), baudrate=9600, timeout=5, retries=0)
-    assert client.connect()
-    return client
-
-
-def coils(*words: int) -> list[bool]:
-    """16-bit words as coils, bit 0 first."""
-    return [bool(word >> bit & 1) for word in words for bit in range(16)]
-
-
-def read_drive(client: ModbusSerialClient) -> tuple[int, int, int]:
-    """Status word, output frequency word and motor current in 10 mA; the read updates the coils."""
-    current = client.read_holding_registers(5139, count=2, device_id=1).registers
-    bits = client.read_coils(32, count=32, device_id=1).bits
-    both = sum(bit << i for i, bit in enumerate(bits))
-    return both & 0xFFFF, both >> 16, current[0] << 16 | current[1]
-
-
-@pytest.mark.nightly
-@pytest.mark.rule("FC-6")
 def test_the_drive_trips_on_demand(tmp_path):
-    with RunningCard(tmp_path, "--speed", "max", "--trip", "1.5") as card:
-        client = pymodbus_client(card)
-        assert not client.write_coils(0, coils(0x047C, 0x1999), device_id=1).isError()
-        assert read_drive(client)[0] & 0x0808 == 0x0800, "running, no trip"
-        readings = [read_drive(client)]
-        while not readings[-1][0] & 8 and len(readings) < 500:
-            readings.append(read_drive(client))
-        client.close()
-    assert readings[-1][0] & 0x0808 == 8, "tripped, not running"
-    assert readings[-1][1] == 0
-
-
-CURRENT = {"vlt5000": 520, "vlt2800": 520, "vlt8000": 514}
-
-
-@pytest.mark.parametrize("profile", first(list(CURRENT)))
-def test_profile_selects_the_drive(tmp_path, profile):
-    pnu = CURRENT[profile]
-    with RunningCard(tmp_path, "--profile", profile, "--speed", "max") as card:
-        client = pymodbus_client(card)
-        assert client.read_holding_registers(10 * pnu - 1, count=2, device_id=1).registers == [0, 0]
-        client.close()
-        assert card.stop() == 0
-        (drives,) = of(card.frames(), "drive", "drive")
-    assert drives.what.startswith(f"parameter {pnu} (Readout: Motor current) = 0 (0.00 A)")
+    with RunningCard(tmp_path, "--speed", "max", "--trip", "1.5", "--control") as card:
+        states = [card.state()]
+        while states[-1]["state"] < 1.6:
+            states.append(card.state())
+    for state in states:
+        assert state["motor"]["alarm"] == (13 if state["state"] >= 1.5 else 0)
 
 
 @pytest.mark.rule("LINE-7")
@@ -578,62 +462,10 @@ def test_the_log_shows_the_leds(tmp_path):
         assert [green - red, orange - green, off - orange] == pytest.approx([0.25] * 3, abs=0.01)
 
 
-def pcapng_blocks(data: bytes) -> list[tuple[int, bytes]]:
-    """Type and body of every block; both length fields are checked."""
-    blocks, at = [], 0
-    while at < len(data):
-        kind, length = struct.unpack_from("<II", data, at)
-        assert struct.unpack_from("<I", data, at + length - 4)[0] == length
-        blocks.append((kind, data[at + 8 : at + length - 4]))
-        at += length
-    return blocks
-
-
-def pcapng_options(data: bytes) -> dict[int, bytes]:
-    options, at = {}, 0
-    while True:
-        code, length = struct.unpack_from("<HH", data, at)
-        if code == 0:
-            return options
-        options[code] = data[at + 4 : at + 4 + length]
-        at += 4 + (length + 3) // 4 * 4
-
-
-@pytest.mark.rule("FRAME-4")
-def test_the_pcapng_file_holds_both_lines_and_marks_bad_frames(tmp_path):
-    pcap = tmp_path / "lines.pcapng"
-    damaged = READ_CONTROL[:-1] + bytes([READ_CONTROL[-1] ^ 1])
-    with (
-        RunningCard(tmp_path, "--drive", "example", "--pcap", str(pcap)) as card,
-        RawPort(card.link) as master,
-    ):
-        master.write(damaged)
-        assert master.read(1, 0.2) == b""
-        master.example("ex5-read-514")
-        assert card.stop() == 0
-        frames = card.frames()
-    (section, _), *rest = pcapng_blocks(pcap.read_bytes())
-    assert section == 0x0A0D0D0A
-    interfaces = [body for kind, body in rest if kind == 1]
-    assert [struct.unpack_from("<H", body)[0] for body in interfaces] == [147, 148]
-    assert [pcapng_options(body[8:])[2] for body in interfaces] == [b"modbus", b"drive"]
-    packets = [body for kind, body in rest if kind == 6]
-    assert len(packets) == len(frames) == 5
-    assert not frames[0].ok
-    for packet, frame in zip(packets, frames, strict=True):
-        interface, high, low, length, _ = struct.unpack_from("<IIIII", packet)
-        options = pcapng_options(packet[20 + (length + 3) // 4 * 4 :])
-        assert interface == ("modbus", "drive").index(frame.line)
-        assert (high << 32 | low) == pytest.approx(frame.start * 1e6, abs=1)
-        assert packet[20 : 20 + length] == frame.data
-        assert struct.unpack("<I", options[2])[0] & 3 == (2 if frame.sender == "card" else 1)
-        assert options[1].decode() == ("" if frame.ok else "bad frame: ") + frame.what
-
-
 # ---------------------------------------------------------------- make demo
 def test_the_demo_passes_and_counts():
     run = subprocess.run(
-        [sys.executable, "-m", DEMO], capture_output=True, text=True, timeout=120, check=False
+        [sys.executable, "-m", "sim.card.demo"], capture_output=True, text=True, timeout=120, check=False
     )
     ends = re.findall(r"^  drive then +(.*)$", run.stdout, re.MULTILINE)
     stopped = "stopped, output frequency 0.0 %"
