@@ -12,7 +12,6 @@ from __future__ import annotations
 
 import argparse
 import heapq
-import sys
 from collections.abc import Iterator
 from pathlib import Path
 
@@ -46,7 +45,7 @@ def samples(wave: WaveFile) -> Iterator[tuple[int, dict[str, str]]]:
     names = [f"{line}_{pin}" for line in LINES for pin in PINS]
     missing = [name for name in names if name not in wave.signals]
     if missing:
-        raise KeyError(f"no signal {missing[0]}: this is no waveform of a whole card")
+        raise RuntimeError(f"no signal {missing[0]}: this is no waveform of a whole card")
     pins = {name: "0" if name.endswith("_de") else "1" for name in names}
     at = 0
     for time, name, level in heapq.merge(*([(t, name, v) for t, v in wave.changes(name)] for name in names)):
@@ -69,21 +68,15 @@ def write_vcd(wave: Path, vcd: Path) -> None:
         writer.close(at + END_SAMPLES)
 
 
-def main() -> int:
+def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("wave", type=Path, help="waveform of a whole card, FST or VCD")
     parser.add_argument("vcd", type=Path, help="file to write")
     args = parser.parse_args()
     if not args.wave.is_file():
-        print(f"lines_vcd: {args.wave} does not exist", file=sys.stderr)
-        return 2
-    try:
-        write_vcd(args.wave, args.vcd)
-    except (KeyError, OSError, RuntimeError) as error:
-        print(f"lines_vcd: {error.args[0] if isinstance(error, KeyError) else error}", file=sys.stderr)
-        return 2
-    return 0
+        raise RuntimeError(f"{args.wave} does not exist")
+    write_vcd(args.wave, args.vcd)
 
 
 if __name__ == "__main__":
-    run_main("lines_vcd", main)
+    run_main("lines_vcd", main, OSError, RuntimeError)

@@ -269,38 +269,25 @@ def test_the_guide_explains_every_fate_and_suspicion():
 
 
 # ---------------------------------------------------------------- other builds of the card
-CUT = ["dropped: continued before 3.5 characters", "dropped: CRC wrong"]
-
-
 def another_card(*values: object):
     """A case that Verilator builds a card for, some seconds."""
     return pytest.param(*values, marks=pytest.mark.nightly)
 
 
+@pytest.mark.nightly
+@pytest.mark.rule("FRAME-2", "FRAME-3")
 @pytest.mark.parametrize(
-    ("options", "fates"),
+    ("option", "frames"),
     [
-        ([], CUT),
-        another_card(["--strict-t15", "no"], None),
+        (["--strict-t15", "no"], [(20, READ[:4], ""), (2, READ[4:], "")]),
+        (["--break-tolerant", "yes"], [(20, READ, ""), (1, bytes(20), "low")]),
     ],
 )
-@pytest.mark.rule("FRAME-2")
-def test_t15_is_strict_unless_built_otherwise(options, fates, tmp_path, capsys):
-    file = bus_file(tmp_path, (20, READ[:4], ""), (2, READ[4:], ""))
-    assert main([str(file), *ASKED, *options]) == 0
-    text = capsys.readouterr().out
-    if fates:
-        assert [row[-2].split(" (")[0] for row in rows(text) if "bus" in row] == fates
-    assert ("sent: 1 replies" in text) == (fates is None)
-
-
-@pytest.mark.rule("FRAME-3")
-@pytest.mark.nightly
-@pytest.mark.parametrize(("options", "replies"), [([], 0), (["--break-tolerant", "yes"], 1)])
-def test_a_break_tolerant_card_serves_a_bus_without_bias(options, replies, tmp_path, capsys):
-    file = bus_file(tmp_path, (20, READ, ""), (1, bytes(20), "low"))
-    assert main([str(file), *ASKED, *options]) == 0
-    assert f"sent: {replies} replies" in capsys.readouterr().out
+def test_a_card_with_an_option_of_the_firmware_answers_what_the_other_drops(option, frames, tmp_path, capsys):
+    file = bus_file(tmp_path, *frames)
+    for options, replies in ([], 0), (option, 1):
+        assert main([str(file), *ASKED, *options]) == 0
+        assert f"sent: {replies} replies" in capsys.readouterr().out
 
 
 @pytest.mark.parametrize(

@@ -306,8 +306,7 @@ def main() -> int:
     parser.add_argument("top", nargs="?", default="rtu2fc", help="its top module")
     args = parser.parse_args()
     if not args.dump.is_file():
-        print(f"waves: {args.dump} does not exist", file=sys.stderr)
-        return 2
+        raise RuntimeError(f"{args.dump} does not exist")
     view = save_file(args.dump.resolve(), args.top)
     command = ["gtkwave", str(args.dump), str(view)]
     if shutil.which("gtkwave") and os.environ.get("DISPLAY"):
