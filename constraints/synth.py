@@ -149,18 +149,13 @@ def too_big(name: str, row: dict) -> list[str]:
 # ---------------------------------------------------------------- build/reports/synthesis.md
 
 
-def measured_files() -> list[Path]:
-    """All files that the figures depend on, without tools; a pattern replaces the firmware."""
-    files = {path: None for config in configurations() for path in card_files(config)}
-    for entry in boards().values():
-        files |= {entry.wrapper: None, entry.pin_file: None}
-    return [*files]
-
-
 def measured_from() -> str:
-    """Hash of the design that the figures describe."""
+    """Hash of the design that the figures describe; a pattern replaces the firmware."""
     content = hashlib.sha256()
-    for path in measured_files():
+    files = dict.fromkeys(path for config in configurations() for path in card_files(config))
+    for entry in boards().values():
+        files |= dict.fromkeys((entry.wrapper, entry.pin_file))
+    for path in files:
         content.update(flow.bare(path))
     modules = [(*part, sorted(stay)) for *part, stay in parts.PARTS]
     rows = [[*flow.row(entry), entry.cells, entry.brams, entry.seeds] for entry in boards().values()]

@@ -38,11 +38,11 @@ def test_other_memories_and_memories_of_flip_flops_are_named():
 
 @pytest.mark.nightly
 def test_each_register_without_reset_has_its_reason():
-    assert portability.compare_registers(portability.of_both_cards(), LISTS["without_reset"]) == []
+    assert portability.compare_registers(portability.without_reset(), LISTS["without_reset"]) == []
 
 
 def test_a_register_without_reason_and_a_reason_without_register_are_named():
-    said = portability.compare_registers({"uart": {"shift", "new"}}, {"uart": {"shift": "", "old": ""}})
+    said = portability.compare_registers({"uart.shift", "uart.new"}, {"why": ["uart.shift", "uart.old"]})
     assert said == [
         "uart.new starts with a value, has no reset and no reason",
         "uart.old is listed, but no such flip-flop is there",
