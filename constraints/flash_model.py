@@ -10,6 +10,8 @@ from __future__ import annotations
 
 import socket
 import threading
+from collections.abc import Iterator
+from contextlib import contextmanager
 
 # Next state of the JTAG port for TMS 0 and 1.
 RESET, IDLE, SHIFT_DR, SHIFT_IR = "reset", "idle", "shift-dr", "shift-ir"
@@ -21,16 +23,13 @@ for kind in ("dr", "ir"):
     NEXT[f"pause-{kind}"] = (f"pause-{kind}", f"exit2-{kind}")
     NEXT[f"exit2-{kind}"] = (f"shift-{kind}", f"update-{kind}")
     NEXT[f"update-{kind}"] = (IDLE, "select-dr")
-# States in which the part stays until TMS changes, and the level that keeps it there.
-RESTING = {RESET: 1, IDLE: 0, "pause-dr": 0, "pause-ir": 0}
 
 IDCODE, BYPASS, STATUS, BUSY = 0xE0, 0xFF, 0x3C, 0xF0
 ENABLE, DISABLE, ERASE, FIRST_PAGE, REFRESH, PROGRAM_DONE = 0xC6, 0x26, 0x0E, 0x46, 0x79, 0x5E
 WRITE_PAGE, READ_PAGE, PRELOAD = 0x70, 0x73, 0x1C
 WRITE_FEATURE_ROW, READ_FEATURE_ROW, WRITE_FEABITS, READ_FEABITS = 0xE4, 0xE7, 0xF8, 0xFB
 LENGTH = {IDCODE: 32, BYPASS: 1, STATUS: 32, BUSY: 8, ENABLE: 8, ERASE: 8, WRITE_PAGE: 128, READ_PAGE: 128}
-LENGTH |= {PRELOAD: 208, WRITE_FEATURE_ROW: 64, READ_FEATURE_ROW: 64}
-LENGTH |= {WRITE_FEABITS: 16, READ_FEABITS: 16}
+LENGTH |= {PRELOAD: 208, WRITE_FEATURE_ROW: 64, READ_FEATURE_ROW: 64, WRITE_FEABITS: 16, READ_FEABITS: 16}
 DONE_FLAG, ENABLED_FLAG, FAIL_FLAG = 1 << 8, 1 << 9, 1 << 13
 FLASH_MODE = 0x08
 ERASES_FEATURES, ERASES_PAGES = 1 << 1, 1 << 2
@@ -56,32 +55,18 @@ class Part:
 
     def clock(self, tms: int, tdi: int, count: int) -> int:
         """`count` clocks, the first in bit 0; returns what TDO sends."""
-        sent = at = 0
-        while at < count:
-            bits, level = count - at, tms >> at & 1
-            # Clocks with the same TMS.
-            changes = (tms ^ -level) >> at & (1 << bits) - 1
-            run = (changes & -changes).bit_length() - 1 if changes else bits
+        sent = 0
+        for at in range(count):
             if self.state in (SHIFT_DR, SHIFT_IR):
-                run = 1 if level else run
-                sent |= self.shift(tdi >> at & (1 << run) - 1, run) << at
-                if level:
-                    self.go(1)
-            elif RESTING.get(self.state) == level:
-                pass
-            else:
-                run = 1
-                self.go(level)
-            at += run
+                sent |= (self.shifted & 1) << at
+                self.shifted = (self.shifted | (tdi >> at & 1) << self.length) >> 1
+            self.go(tms >> at & 1)
         return sent
 
-    def shift(self, tdi: int, count: int) -> int:
-        wide = self.shifted | tdi << self.length
-        self.shifted = wide >> count
-        return wide & (1 << count) - 1
-
     def go(self, level: int) -> None:
-        self.state = NEXT[self.state][level]
+        before, self.state = self.state, NEXT[self.state][level]
+        if self.state == before:
+            return
         if self.state == RESET:
             self.command = IDCODE
         elif self.state == "capture-ir":
@@ -133,50 +118,36 @@ class Part:
                 self.feabits |= value
 
 
-class Cable:
-    """Serves a part to one client; the attribute `port` is the TCP port on this machine."""
-
-    BUFFER = 2048
-
-    def __init__(self, part: Part) -> None:
-        self.part = part
-        self.socket = socket.create_server(("127.0.0.1", 0))
-        self.port = self.socket.getsockname()[1]
-        self.thread = threading.Thread(target=self.serve, daemon=True)
-
-    def __enter__(self) -> Cable:
-        self.thread.start()
-        return self
-
-    def __exit__(self, *error: object) -> None:
+@contextmanager
+def cable(part: Part) -> Iterator[int]:
+    """Serves a part to one client; gives the TCP port on this machine."""
+    with socket.create_server(("127.0.0.1", 0)) as server:
+        thread = threading.Thread(target=serve, args=(part, server))
+        thread.start()
+        yield server.getsockname()[1]
         # Wakes a server to which nobody connected.
-        with socket.create_connection(("127.0.0.1", self.port)):
-            self.socket.close()
-        self.thread.join()
+        socket.create_connection(server.getsockname()).close()
+        thread.join()
 
-    def serve(self) -> None:
-        client, _ = self.socket.accept()
-        with client:
-            while word := self.take(client, len("shift:")):
-                if word == b"getinf":
-                    self.take(client, len("o:"))
-                    client.sendall(b"xvcServer_v1.0:%d\n" % self.BUFFER)
-                elif word == b"settck":
-                    client.sendall(self.take(client, len(":") + 4)[1:])
-                else:
-                    count = int.from_bytes(self.take(client, 4), "little")
-                    size = (count + 7) // 8
-                    tms, tdi = (int.from_bytes(self.take(client, size), "little") for _ in range(2))
-                    client.sendall(self.part.clock(tms, tdi, count).to_bytes(size, "little"))
 
-    @staticmethod
-    def take(client: socket.socket, count: int) -> bytes:
-        """Exactly `count` bytes, or none after the end."""
-        found = b""
-        while len(found) < count:
-            # openFPGALoader sends a command in two parts. The second waits until the first is acknowledged.
-            client.setsockopt(socket.IPPROTO_TCP, socket.TCP_QUICKACK, 1)
-            if not (more := client.recv(count - len(found))):
-                return b""
-            found += more
-        return found
+def serve(part: Part, server: socket.socket) -> None:
+    client, _ = server.accept()
+    with client:
+        while word := take(client, len("shift:")):
+            if word == b"getinf":
+                take(client, len("o:"))
+                client.sendall(b"xvcServer_v1.0:2048\n")
+            elif word == b"settck":
+                client.sendall(take(client, len(":") + 4)[1:])
+            else:
+                count = int.from_bytes(take(client, 4), "little")
+                size = (count + 7) // 8
+                tms, tdi = (int.from_bytes(take(client, size), "little") for _ in range(2))
+                client.sendall(part.clock(tms, tdi, count).to_bytes(size, "little"))
+
+
+def take(client: socket.socket, count: int) -> bytes:
+    """Exactly `count` bytes, or none after the end."""
+    # openFPGALoader sends a command in two parts. The second waits until the first is acknowledged.
+    client.setsockopt(socket.IPPROTO_TCP, socket.TCP_QUICKACK, 1)
+    return client.recv(count, socket.MSG_WAITALL)

@@ -43,7 +43,7 @@ MEMORY = re.compile(r"^(\.bram_init \d+\n)((?:[0-9a-f]{3}[ \n])+)", re.MULTILINE
 RAW_BITS = 9
 # The same on iCE40: 16 lines of 16 rows, the last row of a line first. A row holds one to eight addresses.
 ICE40_MEMORY = re.compile(r"^(\.ram_data \d+ \d+\n)((?:[0-9a-f]{64}\n){16})", re.MULTILINE)
-ICE40_ROWS, ICE40_STEPS = 256, (1, 2, 4, 8)
+ICE40_STEPS = (1, 2, 4, 8)
 # Parameters of a Gowin block RAM with nine-bit bytes: 64 rows of 32 bytes.
 GOWIN_INIT, GOWIN_INIT_BITS = "INIT_RAM_", 288
 # Data bits at an address, for each width of a block RAM. Up to 4, several addresses share 8 of the 9 bits.
@@ -115,45 +115,53 @@ def raw_words(content: list[str], width: int) -> list[int]:
     ]
 
 
-def column(words: list[int], first: int, bit: int, depth: int) -> str:
-    """One bit of `depth` words of the memory; a block RAM holds zeros after the memory's end."""
-    return "".join("01"[word >> bit & 1] for word in words[first : first + depth]).ljust(depth, "0")
-
-
 class Replacement:
-    """Replaces the memory content `old` by `new` in block RAMs, one after the other."""
+    """Replaces the memory content `old` by `new` in block RAMs, one after the other.
 
-    def __init__(self, old: list[int], new: list[int]):
-        self.old, self.new = old, new
-        self.covered: list[tuple[int, int]] = []
+    A column is one bit of every word, or of every second, fourth, eighth one by `steps`. After the memory's
+    end it has zeros.
+    """
+
+    def __init__(self, old: list[int], new: list[int], steps: tuple[int, ...] = (1,)):
+        self.old, self.new, self.steps = old, new, steps
+        self.missing = {(word, bit) for word in range(len(old)) for bit in range(WORD_BITS)}
         self.places = cache(self._places)
 
-    def _places(self, depth: int) -> dict[str, tuple[int, int]]:
-        return {
-            column(self.old, first, bit, depth): (first, bit)
-            for first in range(0, len(self.old), depth)
+    @staticmethod
+    def column(words: list[int], place: tuple[int, int, int], depth: int) -> str:
+        at, step, bit = place
+        taken = words[at : at + step * depth : step]
+        return "".join("01"[word >> bit & 1] for word in taken).ljust(depth, "0")
+
+    def _places(self, depth: int) -> dict[str, tuple[int, int, int]]:
+        """First word, step and bit of each column of the memory."""
+        places = [
+            (at, step, bit)
+            for step in self.steps
+            for first in range(0, len(self.old), step * depth)
+            for at in range(first, first + step)
             for bit in range(WORD_BITS)
-        }
+        ]
+        return {self.column(self.old, place, depth): place for place in places}
+
+    def new_column(self, bits: str) -> str:
+        """The new content of a column; other bits stay as they are."""
+        if (place := self.places(len(bits)).get(bits)) is None:
+            return bits
+        at, step, bit = place
+        self.missing.difference_update((word, bit) for word in range(at, at + step * len(bits), step))
+        return self.column(self.new, place, len(bits))
 
     def patch(self, raw: list[int]) -> list[int] | None:
-        """The new content of a block RAM, None if it holds nothing of the memory."""
+        """The new content of a block RAM of 9-bit words, None if it does not change."""
         for width in WIDTHS:
             content = lanes(raw, width)
-            depth = len(content[0])
-            known = self.places(depth)
-            if not any(lane in known for lane in content):
-                continue
-            for number, lane in enumerate(content):
-                if lane in known:
-                    first, bit = known[lane]
-                    content[number] = column(self.new, first, bit, depth)
-                    words = range(first, min(first + depth, len(self.old)))
-                    self.covered.extend((word, bit) for word in words)
-            return raw_words(content, width)
+            if (changed := [self.new_column(bits) for bits in content]) != content:
+                return raw_words(changed, width)
         return None
 
     def check(self) -> None:
-        if sorted(self.covered) != [(word, bit) for word in range(len(self.old)) for bit in range(WORD_BITS)]:
+        if self.missing:
             raise ImageError("the firmware memory was not found in the design")
 
 
@@ -178,31 +186,17 @@ def replace(text: str, old: list[int], new: list[int]) -> str:
 
 def replace_ice40(text: str, old: list[int], new: list[int]) -> str:
     """As `replace`; a block RAM that holds bits of two banks may occur twice, once for each."""
-    known = {
-        column(old[at::step], 0, bit, ICE40_ROWS): (at, step, bit)
-        for step in ICE40_STEPS
-        for first in range(0, len(old), step * ICE40_ROWS)
-        for at in range(first, first + step)
-        for bit in range(WORD_BITS)
-    }
-    missing = {(word, bit) for word in range(len(old)) for bit in range(WORD_BITS)}
-
-    def replaced(bits: str) -> str:
-        if bits not in known:
-            return bits
-        at, step, bit = known[bits]
-        missing.difference_update((word, bit) for word in range(at, at + step * ICE40_ROWS, step))
-        return column(new[at::step], 0, bit, ICE40_ROWS)
+    replacement = Replacement(old, new, ICE40_STEPS)
 
     def patch(match: re.Match[str]) -> str:
         rows = [int(line[at - 4 : at or None], 16) for line in match[2].split() for at in range(0, -64, -4)]
         columns = ["".join(bits) for bits in zip(*(f"{row:016b}" for row in rows), strict=True)]
-        rows = [f"{int(''.join(bits), 2):04x}" for bits in zip(*map(replaced, columns), strict=True)]
+        changed = map(replacement.new_column, columns)
+        rows = [f"{int(''.join(bits), 2):04x}" for bits in zip(*changed, strict=True)]
         return match[1] + "".join("".join(rows[at : at + 16][::-1]) + "\n" for at in range(0, len(rows), 16))
 
     text = ICE40_MEMORY.sub(patch, text)
-    if missing:
-        raise ImageError("the firmware memory was not found in the design")
+    replacement.check()
     return text
 
 

@@ -10,22 +10,9 @@ Form, checksums and feature row are those of vendor files for the same part. Not
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-
 from constraints.boards import Board
 
 PAGE = 16
-
-
-@dataclass(frozen=True)
-class Flash:
-    """Flash of a part: pages for the configuration, pages of user flash after them, by the vendor's files."""
-
-    idcode: int
-    pages: int
-    user_pages: int
-
-
 # The feature row keeps no custom id and no I2C address.
 FEATURE_ROW = 0
 # The FEABITS say which configuration pins stay such in a part with a written flash. The others become user
@@ -50,7 +37,7 @@ class JedecError(Exception):
     """Error for the user, in one line."""
 
 
-def check(stream: bytes, flash: Flash, part: str) -> None:
+def check(stream: bytes, board: Board) -> None:
     """Refuses a stream from which the part could not configure itself."""
     idcode = None
     at = len(PREAMBLE)
@@ -65,23 +52,23 @@ def check(stream: bytes, flash: Flash, part: str) -> None:
         raise JedecError("the bitstream is not compressed, and the flash takes compressed ones only")
     if command != COMPRESSED:
         raise JedecError(f"byte {at} is command {command:02x}, not the configuration")
-    if idcode != flash.idcode:
+    if idcode != (wanted := board.flash["idcode"]):
         of = "no part" if idcode is None else f"part {idcode:#010x}"
-        raise JedecError(f"the bitstream is for {of}, but {part} is {flash.idcode:#010x}")
+        raise JedecError(f"the bitstream is for {of}, but {board.part} is {wanted:#010x}")
     if not stream.rstrip(bytes([DUMMY])).endswith(DONE):
         raise JedecError("the bitstream is incomplete: its last command is not DONE")
 
 
-def pages(bitstream: bytes, flash: Flash, part: str) -> list[bytes]:
+def pages(bitstream: bytes, board: Board) -> list[bytes]:
     """The pages of flash with the content of a .bit file."""
     start = bitstream.find(PREAMBLE)
     if start < 0:
         raise JedecError("no bitstream: there is no preamble in it")
     stream = bitstream[start:]
-    check(stream, flash, part)
+    check(stream, board)
     found = [stream[at : at + PAGE].ljust(PAGE, bytes([DUMMY])) for at in range(0, len(stream), PAGE)]
-    if len(found) > flash.pages:
-        raise JedecError(f"the bitstream takes {len(found)} pages, but the flash of {part} has {flash.pages}")
+    if len(found) > (most := board.flash["pages"]):
+        raise JedecError(f"the bitstream takes {len(found)} pages, but the flash of {board.part} has {most}")
     return found
 
 
@@ -101,9 +88,8 @@ def fuse_sum(data: bytes) -> int:
 
 def jedec(bitstream: bytes, board: Board) -> bytes:
     """The JEDEC file of a board's compressed .bit file."""
-    flash = Flash(**board.flash)
-    used = pages(bitstream, flash, board.part)
-    unused = flash.pages + flash.user_pages - len(used)
+    used = pages(bitstream, board)
+    unused = board.flash["pages"] + board.flash["user_pages"] - len(used)
     lines = [
         f"{STX}*",
         f"NOTE {board.title}, made by constraints/jedec.py*",

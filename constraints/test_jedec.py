@@ -8,14 +8,13 @@ import random
 import re
 import subprocess
 from dataclasses import dataclass, replace
-from pathlib import Path
 
 import pytest
 
 from constraints import flow, image, jedec, synth
-from constraints.boards import Board, boards
-from constraints.flash_model import Cable, Part
-from constraints.image_bench import sealed_image
+from constraints.boards import boards
+from constraints.flash_model import Part, cable
+from constraints.test_image import check_decoded, plant_build, sealed_image
 from tb.lib.runner import ROOT
 
 BOARD = boards()["card-xo2-1200"]
@@ -102,10 +101,8 @@ def test_the_checksums_are_those_of_the_standard(made):
 def test_feature_row_and_feabits_are_the_chosen_ones(made):
     row, feabits = made.field("E").split("\n")
     assert row == "0" * 64
+    # Off are PROGRAMN, 5, slave SPI, 9, and I2C, 10. JTAG, 8, stays on.
     assert feabits == "0000010001100000"
-    on = {number for number, bit in enumerate(feabits) if bit == "1"}
-    assert on == {5, 9, 10}, "off: PROGRAMN, slave SPI, I2C"
-    assert 8 not in on, "JTAG stays on"
 
 
 def test_a_full_flash_is_still_accepted():
@@ -154,57 +151,8 @@ def test_every_machxo2_and_no_other_board_gets_a_jed():
 # ---------------------------------------------------------------- a design, packed and decoded again
 
 
-def brams(config: str) -> dict[int, list[int]]:
-    """Block RAMs of a text configuration as 512 words of 18 bits; the low half comes first."""
-    found = {}
-    for number, content in re.findall(r"^\.bram_init (\d+)\n((?:[0-9a-f]{3}\s+)+)", config, re.MULTILINE):
-        raw = [int(word, 16) for word in content.split()]
-        found[int(number)] = [low | high << 9 for low, high in zip(raw[::2], raw[1::2], strict=True)]
-    return found
-
-
-def memory(config: str, design: str, pattern: list[int]) -> list[int]:
-    """The firmware memory of `config`. Random words in `design` show which bit of it is where."""
-
-    def column(words: list[int], bit: int) -> tuple[int, ...]:
-        return tuple(word >> bit & 1 for word in words)
-
-    banks = range(0, len(pattern), 512)
-    known = {column(pattern[first : first + 512], bit): (first, bit) for first in banks for bit in range(36)}
-    words, content, bits = [0] * len(pattern), brams(config), 0
-    for number, planted in brams(design).items():
-        for lane in range(18):
-            if place := known.get(column(planted, lane)):
-                bits += 1
-                for at, bit in enumerate(column(content[number], lane), place[0]):
-                    words[at] |= bit << place[1]
-    assert bits == 36 * len(banks)
-    return words
-
-
-def check_decoded(entry: Board, packed: Path, firmware: Path) -> str:
-    """Turns the .jed beside a bitstream back into a text configuration, and compares that with the design."""
-    folder = packed.parent
-    content = File.read(packed.with_suffix(".jed").read_bytes())
-    again, config, plain = (folder / f"decoded{suffix}" for suffix in (".bit", ".config", ".plain"))
-    again.write_bytes(HEADER + content.stream())
-    image.tool("yowasp-xo2unpack", again, config)
-    # Uncompressed on both sides, so that the files show every bit of the configuration.
-    image.tool("yowasp-xo2pack", config, plain)
-    wanted = folder / "wanted.plain"
-    image.tool("yowasp-xo2pack", folder / f"image{flow.suffix(entry)}", wanted)
-    streams = [path.read_bytes().partition(PREAMBLE)[2] for path in (plain, wanted)]
-    assert streams[0] == streams[1] and len(streams[0]) > 45_000
-    # The block RAMs word by word, against the firmware.
-    decoded = config.read_text()
-    design = (folder / f"{entry.top}{flow.suffix(entry)}").read_text()
-    words = memory(decoded, design, image.read_words(flow.pattern_file(entry), entry))
-    assert words == image.read_words(firmware, entry)
-    return decoded
-
-
-def random_design(entry: Board, folder: Path, name: str, seed: int) -> dict:
-    """Stands in for place and route: random bits in every logic tile, the pattern in six block RAMs."""
+def random_tiles() -> str:
+    """The head of a text configuration, with random bits in every logic tile."""
     rng = random.Random(1)
     text = ".device LCMXO2-1200\n\n.variant LCMXO2-1200HC\n\n"
     for row in (row for row in range(2, 11) if row != 6):
@@ -212,19 +160,7 @@ def random_design(entry: Board, folder: Path, name: str, seed: int) -> dict:
             bits = sorted({(rng.randrange(8), rng.randrange(40)) for _ in range(24)})
             lines = "".join(f"unknown: F{frame}B{bit}\n" for frame, bit in bits)
             text += f".tile R{row}C{column}:PLC\n{lines}\n"
-    pattern = image.read_words(flow.pattern_file(entry), entry)
-    halves = [
-        [word >> shift & 0x3FFFF for word in pattern[at : at + 512]]
-        for at in range(0, len(pattern), 512)
-        for shift in (0, 18)
-    ]
-    for number, half in enumerate([*halves, [rng.getrandbits(18) for _ in range(512)]], 3):
-        raw = [f"{part:03x}" for word in half for part in (word & 0x1FF, word >> 9)]
-        rows = "\n".join(" ".join(raw[at : at + 8]) for at in range(0, len(raw), 8))
-        text += f".bram_init {number}\n{rows}\n\n"
-    (folder / f"{name}.config").write_text(text)
-    used = {"used": 1, "available": 1}
-    return {"fmax": {"clk": {"achieved": 90.0}}, "utilization": {"TRELLIS_COMB": used, "DP8KC": used}}
+    return text
 
 
 @pytest.fixture(scope="module")
@@ -233,8 +169,7 @@ def packed():
     folder = ROOT / "build/tests" / f"jedec-{os.environ.get('PYTEST_XDIST_WORKER', '0')}"
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(flow, "BUILD", folder)
-        patch.setattr(flow, "synthesise", lambda *what: {"LUT4": 1})
-        patch.setattr(flow, "place_and_route", random_design)
+        plant_build(patch, random_tiles())
         synth.build(BOARD)
         firmware = folder / BOARD.name / "random.hex"
         firmware.write_text(sealed_image(BOARD, 7))
@@ -243,7 +178,7 @@ def packed():
 
 @pytest.mark.nightly("synth")
 def test_the_decoded_jed_is_what_was_packed(packed):
-    check_decoded(BOARD, packed, packed.with_suffix(".hex"))
+    check_decoded(BOARD, packed)
 
 
 @pytest.mark.nightly("synth")
@@ -260,31 +195,16 @@ def test_a_design_too_large_for_the_flash_leaves_nothing(packed):
 # ---------------------------------------------------------------- openFPGALoader
 
 
-def openfpgaloader(part: Part, *words: str | Path) -> subprocess.CompletedProcess:
-    with Cable(part) as cable:
-        command = ["openFPGALoader", "-c", "xvc-client", "--ip", "127.0.0.1", "--port", str(cable.port)]
-        return subprocess.run(
-            [*command, *map(str, words)], capture_output=True, text=True, check=False, timeout=120
-        )
-
-
-@pytest.fixture
-def part() -> Part:
-    return Part(IDCODE, PAGES)
-
-
-def holds(part: Part, jed: Path) -> bool:
-    """Whether the flash holds the file's stream and nothing else."""
-    stream = File.read(jed.read_bytes()).stream()
-    return b"".join(part.rows()) == stream.ljust(PAGES * 16, b"\0")
-
-
 @pytest.mark.nightly("synth")
-def test_openfpgaloader_writes_the_same_pages(packed, part):
-    jed = packed.with_suffix(".jed")
-    done = openfpgaloader(part, "-f", "--verify", "-v", jed)
+def test_openfpgaloader_writes_the_same_pages(packed):
+    part, jed = Part(IDCODE, PAGES), packed.with_suffix(".jed")
+    with cable(part) as port:
+        command = ["openFPGALoader", "-c", "xvc-client", "--ip", "127.0.0.1", "--port", str(port)]
+        command += ["-f", "--verify", "-v", str(jed)]
+        done = subprocess.run(command, capture_output=True, text=True, check=False, timeout=120)
     assert done.returncode == 0, done.stdout + done.stderr
-    assert holds(part, jed)
+    # The stream and nothing else.
+    assert b"".join(part.rows()) == File.read(jed.read_bytes()).stream().ljust(PAGES * 16, b"\0")
     assert (part.feature_row, part.feabits, part.done, part.failed) == (0, jedec.FEABITS, True, False)
     # How it reads the FEABITS.
     pins = dict(re.findall(r"^\t([\w ]+?) *: (enable|disable)$", done.stdout, re.MULTILINE))
