@@ -81,35 +81,19 @@ STRENGTHS["gowin"] = ("4", "8", "12")
 OPEN = ("NONE", "KEEPER")
 # Pins of the part's configuration, in the database's words. A card that holds such a pin low, or drives it,
 # may fail to configure itself or to be programmed again.
-MACHXO2_CONFIGURATION = ("TCK", "TMS", "TDI", "TDO", "JTAGENB", "PROGRAMN", "INITN", "DONE", "SN", "CSSPIN")
-MACHXO2_CONFIGURATION += ("MCLK/CCLK", "SO/SPISO", "SI/SISPI", "SCL/PCLKT0_0", "SDA/PCLKC0_0")
-GOWIN_CONFIGURATION = (
-    "TCK",
-    "TMS",
-    "TDI",
-    "TDO",
-    "JTAGSEL_N/LPLL_T_IN",
-    "RECONFIG_N",
-    "READY",
-    "DONE",
-    "MODE0",
-)
-GOWIN_CONFIGURATION += ("MODE1", "SCLK", "DOUT/WE_N", "DIN/CLKHOLD_N", "SSPI_CS_N/D0", "SO/D1", "SI/D2")
-GOWIN_CONFIGURATION += ("FASTRD_N/D3", "MCLK/D4", "MCS_N/D5", "MO/D6", "MI/D7")
-CONFIGURATION = {"machxo2": MACHXO2_CONFIGURATION, "gowin": GOWIN_CONFIGURATION}
+CONFIGURATION_PINS = {
+    "machxo2": """TCK TMS TDI TDO JTAGENB PROGRAMN INITN DONE SN CSSPIN MCLK/CCLK SO/SPISO SI/SISPI
+        SCL/PCLKT0_0 SDA/PCLKC0_0""",
+    "gowin": """TCK TMS TDI TDO JTAGSEL_N/LPLL_T_IN RECONFIG_N READY DONE MODE0 MODE1 SCLK DOUT/WE_N
+        DIN/CLKHOLD_N SSPI_CS_N/D0 SO/D1 SI/D2 FASTRD_N/D3 MCLK/D4 MCS_N/D5 MO/D6 MI/D7""",
+}
+CONFIGURATION = {family: names.split() for family, names in CONFIGURATION_PINS.items()}
 # A clock pin is one from which the router reaches the clock networks. From GCLKT_4 and GCLKT_5, on the lower
 # side of a GW1N-9, nextpnr 0.11.1 does not: it routes the clock as a signal, with hold errors.
 CLOCK_PIN = {"machxo2": re.compile(r"\bPCLKT\d_\d$"), "gowin": re.compile(r"\bGCLKT_[0-367]$")}
 # Package names of Project Trellis, without the number of pins.
-PACKAGES = {
-    "TG": "TQFP",
-    "BG": "CABGA",
-    "MG": "CSBGA",
-    "FG": "FPBGA",
-    "FTG": "FTBGA",
-    "SG": "QFN",
-    "QN": "QFN",
-}
+PACKAGES = {"TG": "TQFP", "BG": "CABGA", "MG": "CSBGA", "FG": "FPBGA", "FTG": "FTBGA", "SG": "QFN"}
+PACKAGES["QN"] = "QFN"
 
 
 @dataclass(frozen=True)
@@ -223,19 +207,14 @@ class Board:
             raise SourcesError(f"{self.name}: there is no pin file {shown(self.pin_file)}") from None
         if self.pin_file.suffix != ".pcf":
             pin_line, buffer_line = LINES[self.pin_file.suffix]
+            for name, lpf_name in CST_NAMES.items():
+                text = text.replace(f" {name}=", f" {lpf_name}=")
             buffers = {
                 port: dict(item.split("=", 1) for item in words.split() if "=" in item)
                 for port, words in buffer_line.findall(text)
             }
-            return [
-                Pin(
-                    port,
-                    site,
-                    {CST_NAMES.get(name, name): value for name, value in buffers.get(port, {}).items()},
-                    said,
-                )
-                for port, site, said in pin_line.findall(text)
-            ]
+            rows = pin_line.findall(text)
+            return [Pin(port, site, buffers.get(port, {}), said) for port, site, said in rows]
         found = []
         for options, port, site, said in PCF_PIN.findall(text):
             attributes = dict(zip(options.split()[::2], options.split()[1::2], strict=True))
@@ -418,30 +397,25 @@ def without_outputs(entry: Board) -> list[int]:
 def functions(entry: Board) -> dict[str, str]:
     """Special functions of MachXO2 and Gowin pins; empty for the other families."""
     try:
-        return _functions(entry)
+        if entry.family == "gowin":
+            pads = gowin_pads(entry.gowin_die, entry.part)
+            return {site: names for site, (_, names) in pads.items() if names}
+        return machxo2_functions(entry.part) if entry.family == "machxo2" else {}
     except (KeyError, AttributeError, OSError):
         raise SourcesError(f"{entry.name}: the tools' database has no part {entry.part}") from None
 
 
-def _functions(entry: Board) -> dict[str, str]:
-    if entry.family == "gowin":
-        return {site: names for site, (_, names) in gowin_pads(entry.gowin_die, entry.part).items() if names}
-    if entry.family != "machxo2":
-        return {}
-    device, kind, count = re.fullmatch(r"(LCMXO\w+-\d+)\w*-\d([A-Z]+)(\d+)[A-Z]", entry.part).groups()
+def machxo2_functions(part: str) -> dict[str, str]:
+    device, kind, count = re.fullmatch(r"(LCMXO\w+-\d+)\w*-\d([A-Z]+)(\d+)[A-Z]", part).groups()
     folder = package_folder("yowasp_nextpnr_machxo2") / "share/trellis/database/MachXO2" / device
     database = json.loads((folder / "iodb.json").read_text())
-    known = {
-        (cell["row"], cell["col"], cell["pio"]): cell["function"]
-        for cell in database["pio_metadata"]
-        if "function" in cell
-    }
+
+    def place(cell: dict) -> tuple[int, int, str]:
+        return cell["row"], cell["col"], cell["pio"]
+
+    known = {place(cell): cell["function"] for cell in database["pio_metadata"] if "function" in cell}
     sites = database["packages"][PACKAGES[kind] + count]
-    return {
-        site: known[place]
-        for site, cell in sites.items()
-        if (place := (cell["row"], cell["col"], cell["pio"])) in known
-    }
+    return {site: known[place(cell)] for site, cell in sites.items() if place(cell) in known}
 
 
 def misplaced(entry: Board, pins: list[Pin]) -> list[str]:
@@ -525,18 +499,14 @@ def unfinished(entry: Board) -> list[str]:
 def pin_row(entry: Board, pin: Pin, direction: str) -> str:
     has = pin.attributes
     standard = has.get("IO_TYPE", "LVCMOS, 3.3 V bank")
-    drive = (
-        "fixed"
-        if entry.family not in STRENGTHS
-        else f"{has.get('DRIVE')} mA, {has.get('SLEWRATE', '').lower()}"
-    )
+    drive = f"{has.get('DRIVE')} mA, {has.get('SLEWRATE', '').lower()}"
     cells = [
         pin.site,
         f"`{pin.port}`",
         {"input": "in", "output": "out"}[direction],
         standard,
         {"UP": "up"}.get(has.get("PULLMODE", ""), "none"),
-        drive if direction == "output" else "",
+        "" if direction == "input" else drive if entry.family in STRENGTHS else "fixed",
         wired(entry, pin),
     ]
     return f"| {' | '.join(cells)} |"
