@@ -13,10 +13,11 @@ BARE = ("1", "yes", "on", "ready", "possible", "warning", "at the limit", "in ra
 DENIALS = ("0", "off", "out of range")
 
 
-def banner(comment: str) -> str:
+def banner(comment: str, source: str = WORDS, end: str = "", that: str = "that") -> str:
+    """The first two lines of a generated file."""
     return (
-        f"{comment} SPDX-License-Identifier: Apache-2.0\n"
-        f"{comment} Generated from {WORDS} by `make regs`; edit that, not this one.\n"
+        f"{comment} SPDX-License-Identifier: Apache-2.0{end}\n"
+        f"{comment} Generated from {source} by `make regs`; edit {that}, not this one.{end}\n"
     )
 
 

@@ -21,6 +21,7 @@ import tempfile
 import textwrap
 import tomllib
 from collections.abc import Iterable
+from functools import partial
 from pathlib import Path
 
 from peakrdl_cheader.c_standards import CStandard
@@ -46,11 +47,7 @@ EXAMPLE = "docs/example/modbus_slave.core"
 SILENCE_START = 18
 
 
-def banner(comment: str, source: str) -> str:
-    return (
-        f"{comment} SPDX-License-Identifier: Apache-2.0\n"
-        f"{comment} Generated from {source} by `make regs`; edit that file, not this one.\n"
-    )
+banner = partial(fc.banner, that="that file")
 
 
 # ---------------------------------------------------------------- mailbox map
@@ -67,21 +64,11 @@ class Map:
         memory = self.card.get_child_by_name("FRAMES")
         self.frames_base = memory.absolute_address
         self.frames_bytes = memory.size
-        self.frames = compiler.elaborate("frames").top
-
-    @property
-    def registers(self) -> list[RegNode]:
-        return list(self.mailbox.registers())
-
-    @property
-    def areas(self) -> list[RegNode]:
-        """Frames and counters, lane by lane."""
-        return [area for lane in self.frames.children() for area in lane.registers()]
-
-
-def area_length(area: RegNode) -> int:
-    """Number of elements: 1 unless it is a frame."""
-    return area.array_dimensions[0] if area.is_array else 1
+        self.registers: list[RegNode] = list(self.mailbox.registers())
+        self.fields: list[FieldNode] = [field for reg in self.registers for field in reg.fields()]
+        # Frames and counters, lane by lane.
+        lanes = compiler.elaborate("frames").top.children()
+        self.areas: list[RegNode] = [area for lane in lanes for area in lane.registers()]
 
 
 def field_reset(field: FieldNode) -> int | None:
@@ -120,11 +107,9 @@ def c_header(registers: Map) -> str:
         address = registers.frames_base + area.raw_absolute_address
         lines.append(f"#define {area.inst_name}_address 0x{address:08x}u")
     lines += ["", "// Named values of fields."]
-    for reg in registers.registers:
-        for field in reg.fields():
-            name = f"MAILBOX__{reg.inst_name}__{field.inst_name.upper()}"
-            for value, number in enum_members(field):
-                lines.append(f"#define {name}__{value.upper()} {number}u")
+    for field in registers.fields:
+        name = f"MAILBOX__{field.parent.inst_name}__{field.inst_name.upper()}"
+        lines += [f"#define {name}__{value.upper()} {number}u" for value, number in enum_members(field)]
     # Nothing needs the widths, nor the resets to 0.
     text = re.sub(r"^#define \w+(?:_bw \d+|_reset 0x0)\n", "", text, flags=re.MULTILINE)
     head, tail = text.split("#include <stdint.h>\n", 1)
@@ -133,11 +118,7 @@ def c_header(registers: Map) -> str:
 
 
 def linker_script(registers: Map) -> str:
-    return (
-        f"/* SPDX-License-Identifier: Apache-2.0 */\n"
-        f"/* Generated from {RDL} by `make regs`; edit that file, not this one. */\n"
-        f"FRAMES_BYTES = {registers.frames_bytes};\n"
-    )
+    return f"{banner('/*', RDL, ' */')}FRAMES_BYTES = {registers.frames_bytes};\n"
 
 
 def python_constants(registers: Map) -> str:
@@ -164,17 +145,15 @@ def python_constants(registers: Map) -> str:
             lines.append(f'            "{field.inst_name}": Field({values}),')
         lines += ["        },", "    ),"]
     lines += ["}", "", "# Named values of the field of a register.", "VALUES = {"]
-    for reg in registers.registers:
-        for field in reg.fields():
-            if members := enum_members(field):
-                values = ", ".join(f'"{name}": {value}' for name, value in members)
-                lines.append(f'    ("{reg.inst_name}", "{field.inst_name}"): {{{values}}},')
+    for field in registers.fields:
+        if members := enum_members(field):
+            values = ", ".join(f'"{name}": {value}' for name, value in members)
+            lines.append(f'    ("{field.parent.inst_name}", "{field.inst_name}"): {{{values}}},')
     lines += ["}", "", "AREAS = {"]
     for area in registers.areas:
-        size = area.get_property("regwidth") // 8
-        lines.append(
-            f'    "{area.inst_name}": Area(0x{area.raw_absolute_address:02X}, {area_length(area)}, {size}),'
-        )
+        at, size = area.raw_absolute_address, area.get_property("regwidth") // 8
+        length = area.array_dimensions[0] if area.is_array else 1
+        lines.append(f'    "{area.inst_name}": Area(0x{at:02X}, {length}, {size}),')
     lines.append("}")
     return "\n".join(lines) + "\n"
 
@@ -187,7 +166,7 @@ def verilog_fields(registers: Map) -> tuple[list[str], list[str]]:
     shown, happens = ["g_events << 32"], []
     written: dict[str, dict[str, str]] = {"pulses": {}, "kept": {}, "fields": {}}
     offsets = {reg.address_offset for reg in registers.registers}
-    for field in (field for reg in registers.registers for field in reg.fields()):
+    for field in registers.fields:
         reg = field.parent
         at, port = reg.address_offset, field.get_property("port", default=None)
         bits = f"wdata[{field.high}:{field.low}]"
@@ -223,18 +202,17 @@ class CardTables:
         data = tomllib.loads((ROOT / CARD).read_text())
         self.line = data["line"]
         self.drive = data["drive"]
-        self.rates = {self.switch_bits(text, 3): rate for text, rate in data["baud"].items()}
-        self.formats = {
-            self.switch_bits(text, 2): self.whole(entry) for text, entry in data["format"].items()
-        }
+        self.rates, self.formats = self.positions(data)
         if sorted(self.rates) != list(range(8)) or sorted(self.formats) != list(range(4)):
             sys.exit(f"{CARD}: every switch pattern must be listed once")
-        more = data["extended"]
         # With EXTENDED_SWITCHES = 1.
-        self.extended_rates = self.rates | {self.switch_bits(k, 3): rate for k, rate in more["baud"].items()}
-        self.extended_formats = self.formats | {
-            self.switch_bits(text, 2): self.whole(entry) for text, entry in more["format"].items()
-        }
+        rates, formats = self.positions(data["extended"])
+        self.extended_rates, self.extended_formats = self.rates | rates, self.formats | formats
+
+    def positions(self, table: dict) -> tuple[dict[int, int], dict[int, dict]]:
+        """Rates by switches 1 to 3, and formats by switches 4 and 5."""
+        rates = {self.switch_bits(text, 3): rate for text, rate in table["baud"].items()}
+        return rates, {self.switch_bits(text, 2): self.whole(row) for text, row in table["format"].items()}
 
     def whole(self, entry: dict) -> dict:
         """A format with the bits of its character time."""
@@ -521,11 +499,8 @@ def release_version() -> str:
 
 
 def version_header() -> str:
-    return (
-        "/* SPDX-License-Identifier: Apache-2.0 */\n"
-        f"/* Generated from {VERSION} by `make regs`; edit that file, not this one. */\n"
-        f'\n#ifndef VERSION_H\n#define VERSION_H\n\n#define CARD_VERSION "{release_version()}"\n\n#endif\n'
-    )
+    define = f'#define CARD_VERSION "{release_version()}"'
+    return f"{banner('/*', VERSION, ' */')}\n#ifndef VERSION_H\n#define VERSION_H\n\n{define}\n\n#endif\n"
 
 
 # ---------------------------------------------------------------- other people's build tools
