@@ -249,8 +249,8 @@ FC-8, FC-9, LED-4: a telegram that cannot be sent is abandoned after the wait
 FRAME-7, FC-9: a line that is never silent holds a parameter write, which leaves after its 255
     busy; request SET_207; wait 160; replied 01_86_FF; wait 400; sent; +free; poll; sent US:TELEGRAM_OF_207;
     answers TELL_207; wait 400; sent-count 1; replied-count 1
-FRAME-7, SAFE-8: two changes of the image on a busy line, the last for all, are told to this drive
-    busy; request START; request-all STOP; +free; poll; sent US:TELEGRAM_OF_STOP
+FRAME-7, SAFE-8: two changes of the image on a busy line, one of them for all, are told to this drive
+    busy; request-FIRST START; request-OTHER STOP; +free; poll; sent US:TELEGRAM_OF_STOP
 FRAME-6, FRAME-7: a stop that waits leaves although a later frame is revoked
     ask READ_514; request STOP; +candidate 05_0001_FF00; +character; poll; drive TELL_514; wait 5;
     sent ASK_514 US:TELEGRAM_OF_STOP
