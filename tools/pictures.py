@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """Draws the pictures of the owner's pages, and the page that shows switch positions.
 
-    python -m tools.pictures            writes docs/pictures/*.svg and docs/switches.html
+    python -m tools.pictures            writes docs/pictures/*.svg and the tables in docs/switches.html
     python -m tools.pictures --check    exits 1 and names every outdated picture
 
 Rates and formats come from regs/card.toml, wires, pins and LED states from the tables of the handbook, and
@@ -11,6 +11,7 @@ the pins of a board from its pin file. So a picture cannot differ from the text 
 from __future__ import annotations
 
 import json
+import re
 from collections.abc import Callable
 from functools import partial
 from pathlib import Path
@@ -24,7 +25,6 @@ from tools.svg import WIDTH, Picture, PictureError
 
 PICTURES = ROOT / "docs/pictures"
 PAGE = ROOT / "docs/switches.html"
-TEMPLATE = ROOT / "tools/switches.html.in"
 # What the original generally has: 9600 bit/s, no parity, address 1, termination.
 USUAL_RATE, USUAL_ADDRESS = "111110000", "100000001"
 PITCH = 30
@@ -217,7 +217,7 @@ def small(picture: Picture, x: float, y: float, on: str) -> None:
 
 
 def page() -> str:
-    """The page on which one clicks switches, with the tables inside: it needs no network."""
+    """The page on which one clicks switches, its line of tables made anew: it needs no network."""
     tables = {
         kind: {
             "rates": {on: rate.baud for on, rate in rates.items()},
@@ -228,7 +228,8 @@ def page() -> str:
             ("extended", EXTENDED_RATES, EXTENDED_FORMATS),
         )
     }
-    return TEMPLATE.read_text().replace("TABLES", json.dumps(tables))
+    line = f"const tables = {json.dumps(tables)};"
+    return re.sub("^const tables = .*$", line, PAGE.read_text(), flags=re.MULTILINE)
 
 
 # ---------------------------------------------------------------- network, cassette, LEDs
