@@ -10,28 +10,14 @@ The warnings of C and C++ have no line here: they are errors in the builds.
 import argparse
 import os
 import re
-import shutil
 import subprocess
 import sys
 from collections.abc import Callable
-from graphlib import CycleError, TopologicalSorter
 from pathlib import Path
 
 from constraints.boards import boards
-from regs import dialects
-from regs.generated import mailbox
 from rtl.command import run_main
-from rtl.sources import (
-    FILE_LIST,
-    ROOT,
-    SourcesError,
-    card_files,
-    configurations,
-    macros_file,
-    needed_files,
-    rtl_files,
-)
-from tb.model.card import DIALECTS
+from rtl.sources import ROOT, SourcesError, card_files, configurations, needed_files, rtl_files
 from tools import trace
 from tools.prose import SOURCES, project_files
 
@@ -57,8 +43,6 @@ GENERATORS = ("regs.regs", "constraints.boards", "tools.handbook", "tools.pictur
 UNFINISHED = re.compile(r"\b(TODO|FIXME|XXX|HACK)\b")
 SKIPPED = re.compile(r"\b(skipif|xfail|mark\.skip|pytest\.skip|cocotb\.skip)\b|\bskip=True")
 SOMEWHERE = re.compile(r"(?<![\w.-])/(home|root|tmp|work)/\w")
-# The description of a command of campaigns/; the Makefile looks for the same line.
-DESCRIBED = re.compile(r'^""".*; `make ([a-z-]+)`\.(?:"""|$)', re.MULTILINE)
 OUR_OWN = Path(__file__).name
 
 
@@ -89,17 +73,6 @@ def tool(*command: str | Path) -> list[str]:
 # ---------------------------------------------------------------- checks: each returns what is wrong
 
 
-def file_list() -> list[str]:
-    """rtl/rtl.f names every Verilog file of rtl/, once; but for the configurations' macros."""
-    listed = rtl_files()
-    macros = [macros_file(config) for config in configurations()]
-    folders = (ROOT / "rtl", ROOT / "regs/generated")
-    there = sorted(path for folder in folders for path in folder.rglob("*.v") if path not in macros)
-    wrong = [f"{name(path)} is not in {name(FILE_LIST)}" for path in there if path not in listed]
-    wrong += [f"{name(path)} is in {name(FILE_LIST)} but not there" for path in listed if path not in there]
-    return wrong + [f"{name(path)} is listed twice" for path in set(listed) if listed.count(path) > 1]
-
-
 def verilator() -> list[str]:
     """Every whole card and the example, all warnings on; the waivers are in tools/verilator.vlt."""
     command = ["verilator", "--lint-only", "-Wall", "--no-timing", "--quiet", "--top-module", TOP]
@@ -125,12 +98,8 @@ def icarus() -> list[str]:
     return wrong
 
 
-def verible_lint() -> list[str]:
-    return tool("verible-verilog-lint", "--rules_config=tools/verible.rules", *hand_written_verilog())
-
-
-def verible_format() -> list[str]:
-    return tool("verible-verilog-format", "--inplace", "--verify", *hand_written_verilog())
+def verible(kind: str, *options: str) -> list[str]:
+    return tool(f"verible-verilog-{kind}", *options, *hand_written_verilog())
 
 
 def net_types() -> list[str]:
@@ -161,111 +130,16 @@ def finished() -> list[str]:
     return wrong
 
 
-def half_campaigns(folder: Path = ROOT / "campaigns") -> list[str]:
-    """Campaigns without a program, its description, or a test."""
-    wrong = []
-    for campaign in sorted({path.parent for path in folder.glob("*/*") if path.parent.name != "__pycache__"}):
-        program, shown = campaign / "run.py", f"campaigns/{campaign.name}"
-        if not program.exists():
-            wrong.append(f"{shown}: no run.py")
-        elif not DESCRIBED.search(program.read_text()):
-            wrong.append(
-                f'{shown}/run.py: the first line of its description does not end with "; `make NAME`."'
-            )
-        # campaigns/test_engine.py runs a case of each campaign that has none of its own.
-        counts = program.exists() and "CAMPAIGN = " in program.read_text()
-        if not counts and not any("def test_" in path.read_text() for path in campaign.glob("test_*.py")):
-            wrong.append(f"{shown}: no test_*.py with a test")
-    targets = re.findall(r"^([a-z][\w-]*)(?=[ a-z-]*:[^=])", (ROOT / "Makefile").read_text(), re.MULTILINE)
-    programs = [
-        (match[1], path.relative_to(folder.parent))
-        for path in sorted(folder.glob("*/*.py"))
-        if (match := DESCRIBED.search(path.read_text()))
-    ]
-    seen = dict.fromkeys(targets, "the Makefile")
-    for command, path in programs:
-        if command in seen:
-            wrong.append(f"{path}: `make {command}` is a command of {seen[command]} already")
-        seen[command] = str(path)
-    return wrong
-
-
-def rows_and_citations(rules: dict[str, str]) -> list[str]:
-    """Rows that are no rule, and rules without a row in the card's sources and in the guides."""
-    where = name(trace.REQUIREMENTS)
-    rows = [
-        line for line in trace.REQUIREMENTS.read_text().splitlines() if re.match(r"\| (?!id )[\w-]+ \|", line)
-    ]
-    wrong = [f"{where}: an id has capital letters: {row[:40]}" for row in rows if not trace.ROW.match(row)]
-    wrong += [
-        f"rule {rule}: it is shown by {by!r}, not by test or open"
-        for rule, by in rules.items()
-        if by not in ("test", "open")
-    ]
+def cited_rules() -> list[str]:
+    """Rules without a row that the card's sources and the guides cite."""
+    rules = trace.read_rules()
     chapters = "|".join(sorted({rule.rpartition("-")[0] for rule in rules if "-" in rule}))
     sources = (("rtl", "*.v"), ("sw/src", "*.[ch]"), ("sw/include", "*.h"), ("docs/guide", "*.md"))
+    wrong = []
     for path in sorted(path for folder, names in sources for path in (ROOT / folder).rglob(names)):
         cited = {*re.findall(rf"\b(?:{chapters})-\d+\b", path.read_text())}
         wrong += [f"{name(path)}: there is no rule {rule}" for rule in sorted(cited - rules.keys())]
     return wrong
-
-
-def half_rules(rules: dict[str, str], tests: dict[str, str]) -> list[str]:
-    """Rules that no test file names, and marks without a rule; `make trace` knows computed marks, too."""
-    named = set(re.findall(r"(?<=[\"' ])[A-Z0-9-]+(?=[\"',])", "".join(tests.values())))
-    wrong = [
-        f"rule {rule}: no test is marked with it"
-        for rule, by in rules.items()
-        if by == "test" and rule not in named
-    ]
-    for file, text in tests.items():
-        marked = re.findall(r'"([^"]+)"', "".join(re.findall(r"mark\.rule\(([^()]*)\)", text)))
-        wrong += [f"{file}: there is no rule {rule}" for rule in marked if rule not in rules]
-    return wrong
-
-
-def half_registers() -> list[str]:
-    """Fields of the map without their port in the module that decodes it, or without its wire."""
-    fields = {f"{register}.{field}": about.port for register, row in mailbox.REGISTERS.items()
-              for field, about in row.fields.items() if about.port}  # fmt: skip
-    forms = {"rtl/mailbox_regs.v": r"put +(?:wire|reg) .*\b{0},?$", "rtl/mailbox.v": r"\.{0}\({0}\)"}
-    return [
-        f"{file}: no port {port} of {field} (regs/mailbox.rdl)"
-        for file, form in forms.items()
-        for field, port in fields.items()
-        if not re.search(form.format(port), (ROOT / file).read_text(), re.MULTILINE)
-    ]
-
-
-def half_dialects() -> list[str]:
-    """Dialects of the table or the oracle alone, drives without a table, images of no dialect."""
-    wrong = []
-    for d in sorted(dialects.DIALECTS.keys() | DIALECTS.keys()):
-        parts = {dialects.TABLE: dialects.DIALECTS, "tb/model/card.py": DIALECTS}
-        wrong += [f"dialect {d}: no row in {part}" for part, rows in parts.items() if d not in rows]
-    for d in dialects.DIALECTS.values():
-        wrong += [
-            f"dialect {d.name}: no sim/drive/{p}.csv"
-            for p in d.profiles
-            if not (ROOT / f"sim/drive/{p}.csv").exists()
-        ]
-    for image in dialects.IMAGES.values():
-        wrong += [f"image {image.name}: no dialect {d}" for d in image.dialects if d not in dialects.DIALECTS]
-    return wrong
-
-
-def half_made() -> list[str]:
-    """Campaigns, rules, registers, dialects, options without a part of theirs; boards: constraints.boards."""
-    rules = trace.read_rules()
-    tests = {name(path): path.read_text() for path in source_files() if path.name.startswith("test_")}
-    wrong = half_campaigns() + rows_and_citations(rules) + half_rules(rules, tests)
-    source = "".join(path.read_text() for path in (ROOT / "sw").glob("[is]*/*.[ch]"))
-    source = re.sub(r"by make regs: options.*?end of options|/\*.*?\*/", "", source, flags=re.DOTALL)
-    used = set(re.findall(r"\w+", source))
-    wrong += [f"option {o}: no C file uses it" for o in dialects.OPTIONS if o not in used]
-    tested = re.sub("#.*", "", "".join(tests.values()))
-    wrong += [f"option {o}: no test builds with it" for o in dialects.OPTIONS if o not in tested]
-    return wrong + half_registers() + half_dialects()
 
 
 def registers() -> list[str]:
@@ -278,34 +152,20 @@ def registers() -> list[str]:
 
 
 def imports() -> list[str]:
-    """Imports go down the list LAYERS only, tests apart; no module imports itself by way of others."""
+    """Imports go down the list LAYERS only, tests apart."""
     import grimp  # of the set-up layer `lint`; tests of `make test` import this module
 
     graph = grimp.build_graph(
         *sorted({name.split(".")[0] for layer in LAYERS for name in layer}), cache_dir=None
     )
-    wrong = circle({module: graph.find_modules_directly_imported_by(module) for module in graph.modules})
     for module in set(graph.modules):
         if module.rpartition(".")[2].startswith("test_"):
             graph.remove_module(module)
     layers = [grimp.Layer(*layer, independent=False) for layer in LAYERS]
-    return wrong + [
+    return [
         f"{found.importer} must not import {found.imported}: {' -> '.join(next(iter(found.routes)).middle)}"
         for found in graph.find_illegal_dependencies_for_layers(layers)
     ]
-
-
-def circle(imported: dict[str, set[str]]) -> list[str]:
-    """The first circle of imports, in one line."""
-    try:
-        TopologicalSorter(imported).prepare()
-    except CycleError as error:
-        return [f"imports in a circle: {' <- '.join(error.args[1])}"]
-    return []
-
-
-def ruff_check() -> list[str]:
-    return tool("ruff", "check", "--quiet", "--output-format", "concise", ".")
 
 
 def ruff_format() -> list[str]:
@@ -313,30 +173,24 @@ def ruff_format() -> list[str]:
     return [line.strip() for line in lines if "-->" in line] or lines
 
 
-def prose() -> list[str]:
-    return tool(sys.executable, "-m", "tools.prose")
-
-
-def firmware() -> list[str]:
-    return tool(sys.executable, "-m", "sw.test.analysis")
-
-
 CHECKS: list[tuple[str, Callable[[], list[str]]]] = [
-    ("rtl/rtl.f complete", file_list),
-    ("nothing half made", half_made),
+    ("no rule cited that is none", cited_rules),
     ("generated files current", registers),
     ("verilator -Wall", verilator),
     ("iverilog -g2005 -Wall", icarus),
-    ("verible lint", verible_lint),
-    ("verible format", verible_format),
+    ("verible lint", lambda: verible("lint", "--rules_config=tools/verible.rules")),
+    ("verible format", lambda: verible("format", "--inplace", "--verify")),
     ("net types", net_types),
     ("licence of every file (REUSE)", licences),
     ("nothing unfinished, skipped, absolute or linked", finished),
     ("imports go one way", imports),
-    ("spelling and links", prose),
-    ("ruff check", ruff_check),
+    ("spelling and links", lambda: tool(sys.executable, "-m", "tools.prose")),
+    ("ruff check", lambda: tool("ruff", "check", "--quiet", "--output-format", "concise", ".")),
     ("ruff format", ruff_format),
-    ("firmware: gcc -fanalyzer, cppcheck, clang-tidy, loops", firmware),
+    (
+        "firmware: gcc -fanalyzer, cppcheck, clang-tidy, loops",
+        lambda: tool(sys.executable, "-m", "sw.test.analysis"),
+    ),
 ]
 
 
@@ -344,16 +198,12 @@ def main() -> int:
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("--format", action="store_true", help="format the files instead of checking them")
     if parser.parse_args().format:
-        problems = tool("verible-verilog-format", "--inplace", *hand_written_verilog())
+        problems = verible("format", "--inplace")
         problems += tool("ruff", "check", "--quiet", "--select", "I", "--fix", ".")
         problems += tool("ruff", "format", "--quiet", ".")
         print("\n".join(problems), end="\n" if problems else "")
         return 1 if problems else 0
 
-    for command in ("verilator", "iverilog", "verible-verilog-lint", "ruff", "cppcheck"):
-        if shutil.which(command) is None:
-            print(f"{command} is missing; run `make setup`", file=sys.stderr)
-            return 2
     failed = 0
     for title, check in CHECKS:
         try:

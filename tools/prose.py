@@ -4,11 +4,10 @@
     python -m tools.prose
 
 A link must lead to a file or folder of the project. Its anchor must be a heading or an `<a id="...">` of
-that page. A page that code cites must exist. Each page of docs/ needs a place on the site and a title. A
-list has an empty line before it, and a list within a list four blanks: the site shows no list otherwise. Each
-Verilog module and each C file needs a row in the tables of docs/guide/architecture.md. tools/words.txt lists
-right words that codespell does not know. All pages have at most WORDS_AT_MOST words. Prints one line for each
-mistake; exit 1 if there is one.
+that page. A page that code cites must exist. A list has an empty line before it, and a list within a list
+four blanks: the site shows no list otherwise. Each Verilog module and each C file needs a row in the tables
+of docs/guide/architecture.md. tools/words.txt lists right words that codespell does not know. All pages have
+at most WORDS_AT_MOST words. Prints one line for each mistake; exit 1 if there is one.
 """
 
 import re
@@ -165,17 +164,6 @@ def places() -> list[Place]:
     return sorted(found)
 
 
-def without_place(pages: list[Path]) -> list[str]:
-    """Pages of docs/ that the documentation site cannot show: without a place or a title."""
-    lines = {"a line `<!-- site: ORDER SECTION -->`": PLACE, "a title": TITLE}
-    return [
-        f"{page.relative_to(ROOT)}: {what} is missing"
-        for page in pages
-        for what, line in lines.items()
-        if not line.search(page.read_text())
-    ]
-
-
 def unlisted_parts(names: list[str], page: str) -> list[str]:
     """Verilog modules and C files of the card without a row in a table of docs/guide/architecture.md."""
     rows = "\n".join(line.split("|")[1] for line in page.splitlines() if line.startswith("| `"))
@@ -206,8 +194,6 @@ def check() -> list[str]:
     for name in names:
         if Path(name).suffix in SOURCES and not name.startswith("tools/prose.py"):
             wrong += dead_citations(name, (ROOT / name).read_text(), known)
-    documents = [page for page in pages if page.is_relative_to(ROOT / "docs")]
-    wrong += without_place(documents)
     # The list of changes grows with each release.
     wrong += too_much([page for page in pages if ".github" not in page.parts and page.name != "CHANGELOG.md"])
     return wrong + unlisted_parts(names, ARCHITECTURE.read_text())

@@ -34,7 +34,7 @@ def test_make_test_shows_every_rule(collected):
 def test_complete_asks_for_a_passed_test_of_each_rule(left_out, collected, tmp_path, monkeypatch, capsys):
     missing = set(collected.tests["FRAME-4"]) if left_out != "nothing" else set()
     results = tmp_path / "results.json"
-    results.write_text(json.dumps(dict.fromkeys(sorted(collected.all - missing), "passed")))
+    results.write_text(json.dumps({test: {"outcome": "passed"} for test in collected.all - missing}))
     monkeypatch.setattr(trace, "RESULTS", results)
     monkeypatch.setattr(trace, "RUNS", tmp_path)
     monkeypatch.setattr(trace, "collect", lambda: collected)
