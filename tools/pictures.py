@@ -14,6 +14,7 @@ import json
 import re
 from collections.abc import Callable
 from functools import partial
+from itertools import groupby
 from pathlib import Path
 
 from constraints.boards import Board, boards
@@ -339,41 +340,40 @@ def legend(picture: Picture, y: float, letter: str, text: str) -> None:
     picture.lines(246, y, text)
 
 
-# Colours of each LED state of the handbook's table, each with its length in quarters of a second. 12 s are
-# drawn shorter, with their length in words; then the LED flashes as without the test.
+# Each LED state of the handbook's table in words, and its colours in quarters of a second. 12 s are drawn
+# shorter, with their length in words; then the LED flashes as without the test.
 POWER_UP = "red, green, orange, off, 250 ms each, once"
 GREEN, RED = ["green", "green", "off", "off"], ["red", "red", "off", "off"]
-STEPS = {
-    "green, flashing, 1 Hz": GREEN * 4,
-    "red, flashing, 1 Hz": RED * 4,
-    "red, steady, both LEDs": ["red"] * 16,
-    "orange, steady, both LEDs, 12 s": ["orange"] * 8 + ["off"] * 2 + RED + RED[:2],
-    "red, steady, both LEDs, 12 s, then flashing": ["red"] * 8 + ["off"] * 2 + RED + RED[:2],
-}
-SAYS = {
-    "green, flashing, 1 Hz": "Green, flashing: works",
-    "red, flashing, 1 Hz": "Red, flashing: no request, or no reply of the drive",
-    "red, steady, both LEDs": "Both red, steady: fault, the card is halted",
-    "orange, steady, both LEDs, 12 s": "Both orange, 12 s: loop-back test passed",
-    "red, steady, both LEDs, 12 s, then flashing": "Both red, 12 s: loop-back test failed",
+AFTER_TEST = ["off"] * 2 + RED + RED[:2]
+STATES = {
+    "green, flashing, 1 Hz": ("Green, flashing: works", GREEN * 4),
+    "red, flashing, 1 Hz": ("Red, flashing: no request, or no reply of the drive", RED * 4),
+    "red, steady, both LEDs": ("Both red, steady: fault, the card is halted", ["red"] * 16),
+    "orange, steady, both LEDs, 12 s": (
+        "Both orange, 12 s: loop-back test passed",
+        ["orange"] * 8 + AFTER_TEST,
+    ),
+    "red, steady, both LEDs, 12 s, then flashing": (
+        "Both red, 12 s: loop-back test failed",
+        ["red"] * 8 + AFTER_TEST,
+    ),
 }
 
 
 def leds() -> Picture:
     picture = Picture("What the LEDs show in the four seconds after power-up, and in each state", 488)
     known = [row["shows"] for row in rows("switches-and-leds", "shows")]
-    if missing := [state for state in (POWER_UP, *STEPS) if state not in known]:
+    if missing := [state for state in (POWER_UP, *STATES) if state not in known]:
         raise PictureError(f"leds: the handbook's table has no state '{missing[0]}'")
     show = [colour.strip() for colour in POWER_UP.split(",")[:4]]
-    flash = STEPS["red, flashing, 1 Hz"]
     picture.text(16, 22, "After power-up", "b")
-    lane(picture, 54, "drive", show + ["off"] * 4 + flash[:8])
-    lane(picture, 88, "network", ["off"] * 4 + show + flash[:8])
+    lane(picture, 54, "drive", show + ["off"] * 4 + RED * 2)
+    lane(picture, 88, "network", ["off"] * 4 + show + RED * 2)
     for second in range(5):
         picture.text(82 + 80 * second, 114, f"{second} s", "s m", "middle")
-    for place, (state, colours) in enumerate(STEPS.items()):
+    for place, (state, (says, colours)) in enumerate(STATES.items()):
         y = 148 + 68 * place
-        picture.text(16, y, SAYS[state], "b")
+        picture.text(16, y, says, "b")
         until = "12 s" if "12 s" in state else "without end"
         lane(picture, y + 28, "", colours, until)
     return picture
@@ -383,11 +383,8 @@ def lane(picture: Picture, y: float, name: str, colours: list[str], until: str =
     if name:
         picture.text(16, y, name, "s")
     start = 0
-    while start < len(colours):
-        length = 1
-        while start + length < len(colours) and colours[start + length] == colours[start]:
-            length += 1
-        colour, x = colours[start], 82 + 20 * start
+    for colour, same in groupby(colours):
+        length, x = len(list(same)), 82 + 20 * start
         picture.box(x, y - 11, 20 * length, 22, colour, 0)
         if colour != "off":
             said = colour[0].upper() if length < 4 else f"{colour}, {until}"
