@@ -7,6 +7,8 @@ picture or lies on another one is an error, so no picture with such a word is wr
 
 from __future__ import annotations
 
+import re
+from collections.abc import Iterable
 from functools import cache
 from html import escape
 from pathlib import Path
@@ -15,7 +17,7 @@ import matplotlib
 from fontTools.ttLib import TTFont
 
 FONTS = Path(matplotlib.get_data_path()) / "fonts/ttf"
-# A viewer without media queries shows the first rules: dark ink on a light ground.
+# Dark ink on a light ground, and what is otherwise on a dark page.
 STYLE = """
 text{font-family:"DejaVu Sans",Arial,Helvetica,sans-serif;font-size:13px;fill:#1f2328}
 .b{font-weight:bold}.s{font-size:12px}.m{fill:#57606a}.w,.inv{fill:#fff}
@@ -25,14 +27,15 @@ text{font-family:"DejaVu Sans",Arial,Helvetica,sans-serif;font-size:13px;fill:#1
 .wire{fill:none;stroke-width:3}.thin{fill:none;stroke:#57606a;stroke-width:1.5}.dash{stroke-dasharray:5 4}
 .red{fill:#cf222e}.green{fill:#1a7f37}.orange{fill:#bc4c00}.off{fill:#fff;stroke:#57606a}
 .w1{stroke:#cf222e}.w2{stroke:#0550ae}.w3{stroke:#57606a}.w4{stroke:#bc4c00}.w5{stroke:#1a7f37}
-@media(prefers-color-scheme:dark){
+"""
+DARK = """
 text{fill:#e6edf3}.m{fill:#9da7b3}.w{fill:#fff}.inv{fill:#0d1117}
 .ground{fill:#0d1117;stroke:#30363d}.box{fill:#161b22;stroke:#9da7b3}.part{fill:#10243e;stroke:#9da7b3}
 .slot{fill:#0d1117;stroke:#9da7b3}.lever{fill:#79c0ff}.pin{fill:#0d1117;stroke:#e6edf3}.first{fill:#e6edf3}
 .thin{stroke:#9da7b3}.off{fill:#0d1117;stroke:#9da7b3}
 .w1{stroke:#ff7b72}.w2{stroke:#79c0ff}.w3{stroke:#9da7b3}.w4{stroke:#ffa657}.w5{stroke:#56d364}
-}
 """
+RULE = re.compile(r"([^{}]+)\{[^{}]*\}")
 WIDTH = 420
 LINE = 200  # characters of the file: some parts a line
 SIZES = {"s": 12.0, "": 13.0}
@@ -54,6 +57,16 @@ def width_of(text: str, kind: str = "") -> float:
     names, widths, units = font("b" in kind.split())
     size = SIZES["s" if "s" in kind.split() else ""]
     return max(sum(widths[names[ord(letter)]][0] for letter in text) / units, 0.602 * len(text)) * size
+
+
+def in_lines(parts: Iterable[str]) -> str:
+    """The parts, some a line."""
+    lines = [""]
+    for part in parts:
+        if lines[-1] and len(lines[-1]) + len(part) > LINE:
+            lines.append("")
+        lines[-1] += part
+    return "\n".join(lines)
 
 
 def meet(a: Box, b: Box) -> bool:
@@ -111,6 +124,14 @@ class Picture:
         for number, each in enumerate(text.split("\n")):
             self.text(x, y + 17 * number, each, kind, anchor)
 
+    def rules(self, style: str) -> str:
+        """The rules of a style that something in this picture has."""
+        has = {"text", ".ground"}
+        for kinds in re.findall('class="([^"]*)"', "".join(self.parts)):
+            has |= {f".{kind}" for kind in kinds.split()}
+        found = RULE.finditer(style.replace("\n", ""))
+        return in_lines(rule[0] for rule in found if has & set(rule[1].split(",")))
+
     def svg(self) -> str:
         head = f'<svg xmlns="http://www.w3.org/2000/svg" width="{WIDTH}" height="{self.height}" '
         head += f'viewBox="0 0 {WIDTH} {self.height}" role="img">'
@@ -118,10 +139,6 @@ class Picture:
             f'<rect class="ground" x="0.5" y="0.5" width="{WIDTH - 1}" height="{self.height - 1}" rx="8"/>'
         )
         title = f"<title>{escape(self.title)}</title>"
-        lines = [head, title, f"<style>{STYLE}</style>", ground]
-        for part in self.parts:
-            if lines[-1] != ground and len(lines[-1]) + len(part) <= LINE:
-                lines[-1] += part
-            else:
-                lines.append(part)
-        return "\n".join([*lines, "</svg>", ""])
+        dark = f"@media(prefers-color-scheme:dark){{\n{self.rules(DARK)}}}"
+        style = f"<style>\n{self.rules(STYLE)}\n{dark}</style>"
+        return "\n".join([head, title, style, ground, in_lines(self.parts), "</svg>", ""])
