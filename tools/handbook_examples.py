@@ -4,7 +4,7 @@
 The requests are here. The models of card and drive (tb/model) give telegrams and replies, so a drive does
 what it was asked. Each frame stands with its bytes and its meaning, and with the call or command by which
 pymodbus and mbpoll make the request. tools/test_handbook.py plays the examples on the card with its firmware,
-and runs both masters.
+and reads the calls of pymodbus.
 """
 
 from __future__ import annotations
@@ -31,8 +31,6 @@ FUNCTIONS = {
 COIL_FUNCTIONS = (0x01, 0x05, 0x0F)
 MBPOLL = "mbpoll -m rtu -a {unit} -b 9600 -P none -s 2"
 PORT = "/dev/ttyUSB0"
-
-
 UNIT = 1
 STATE_COIL = 32  # of coil 33, on the wire
 MINUS = "\N{MINUS SIGN}"
@@ -242,11 +240,8 @@ def items(count: int, name: str) -> str:
 def request_words(adu: bytes) -> str:
     """A request, field by field."""
     function = adu[1]
-    begin = f"{'all units' if adu[0] == 0 else f'unit {adu[0]}'}; {function:02X}"
-    begin += f" {FUNCTIONS.get(function, 'unknown function')}"
+    begin = f"{'all units' if adu[0] == 0 else f'unit {adu[0]}'}; {function:02X} {FUNCTIONS[function]}"
     crc = f"CRC {spaced(adu[-2:])}"
-    if function not in FUNCTIONS or len(adu) < 8 or (function not in COUNTED and len(adu) != 8):
-        return f"{begin}; {spaced(adu[2:-2]) or 'no data'}; {crc}"
     thing = "coil" if function in COIL_FUNCTIONS else "register"
     start, operand = words(adu[2:6])
     at = f"{thing} {start + 1} ({spaced(adu[2:4])})"
@@ -280,14 +275,20 @@ def pymodbus_call(adu: bytes) -> str:
     return f"client.{method}({', '.join(shown)})"
 
 
+def values(adu: bytes, reply: bytes) -> list[int]:
+    """The registers or coils in a reply."""
+    if adu[1] == 3:
+        return words(reply[3:-2])
+    return [reply[3 + i // 8] >> i % 8 & 1 for i in range(words(adu[4:6])[0])]
+
+
 def pymodbus_shows(adu: bytes, reply: bytes) -> str:
     if reply[1] & 0x80:
         return f"exception {reply[2]}"
     if adu[1] == 3:
-        return f"registers {words(reply[3:-2])}"
+        return f"registers {values(adu, reply)}"
     if adu[1] == 1:
-        count = words(adu[4:6])[0]
-        return "coils " + "".join(str(reply[3 + i // 8] >> i % 8 & 1) for i in range(count))
+        return "coils " + "".join(map(str, values(adu, reply)))
     return "accepted"
 
 
@@ -306,11 +307,8 @@ def mbpoll_shows(adu: bytes, reply: bytes) -> str:
     first, count = words(adu[2:6])
     if reply[1] & 0x80:
         return "Invalid exception code"
-    if adu[1] == 3:
-        return ", ".join(f"[{first + 1 + i}]: {value}" for i, value in enumerate(words(reply[3:-2])))
-    if adu[1] == 1:
-        bits = [reply[3 + i // 8] >> i % 8 & 1 for i in range(count)]
-        return ", ".join(f"[{first + 1 + i}]: {bit}" for i, bit in enumerate(bits))
+    if adu[1] in (1, 3):
+        return ", ".join(f"[{first + 1 + i}]: {value}" for i, value in enumerate(values(adu, reply)))
     return f"Written {count if adu[1] in (15, 16) else 1} references."
 
 

@@ -2,7 +2,7 @@
 """The owner's handbook: every code, coil, register, LED state, switch and example of the card has its row.
 
 The tables are written by hand. The expected values come from the rules, from the model (tb/model), from the
-manuals and, for the examples, from real masters on a pty.
+manuals and, for the examples, from a run of the card.
 """
 
 from __future__ import annotations
@@ -19,7 +19,7 @@ from sim.card.masters import as_pymodbus_call
 from tb.agents import rtu
 from tb.model import fc_telegram
 from tb.model.card import DIALECTS, FUNCTIONS, CardModel
-from tools import handbook, handbook_examples
+from tools import handbook_examples
 from tools.handbook import rows
 from tools.symptoms import Bus
 
@@ -31,13 +31,6 @@ MINUS = "\N{MINUS SIGN}"
 
 def switch_rows(head: str) -> list[Row]:
     return rows("switches-and-leds", head)
-
-
-EXAMPLE_BLOCK = next(
-    block[2]
-    for block in handbook.BLOCK.finditer((PAGES / "examples.md").read_text())
-    if block[1] == "examples"
-)
 
 
 def numbers(text: str) -> range:
@@ -244,14 +237,6 @@ def test_times_of_the_card_are_those_of_the_rules():
 # ---------------------------------------------------------------- worked examples
 
 
-def shown(label: str) -> list[str]:
-    return re.findall(rf"^{label} +(.*)$", EXAMPLE_BLOCK, re.MULTILINE)
-
-
-PLAYED = [one for example in handbook_examples.EXAMPLES for one in handbook_examples.play(example)]
-ANSWERED = [one for one in PLAYED if one.reply is not None]
-
-
 def ends_in(example: handbook_examples.Example) -> str:
     """The state in the drive's last reply of an example, or nothing."""
     replies = [reply for one in handbook_examples.play(example) for _, reply in one.drive if reply]
@@ -304,7 +289,8 @@ class Recorder:
 
 
 def test_the_calls_of_pymodbus_make_the_requests():
-    for text, step in zip(shown("pymodbus"), ANSWERED, strict=True):
-        request = step.request
+    shown = re.findall(r"^pymodbus  (.*)$", (PAGES / "examples.md").read_text(), re.MULTILINE)
+    played = (one for example in handbook_examples.EXAMPLES for one in handbook_examples.play(example))
+    for text, request in zip(shown, (one.request for one in played if one.reply is not None), strict=True):
         called = eval(text, {"client": Recorder(), "bool": bool, "range": range})
         assert called == (request[0], *as_pymodbus_call(request)), text
