@@ -111,17 +111,15 @@ def dead_links(page: Path, known: set[Path]) -> list[str]:
             reason = "no such heading"
         if reason:
             line = text.count("\n", 0, link.start()) + 1
-            where = page.relative_to(ROOT) if page.is_relative_to(ROOT) else page
-            wrong.append(f"{where}:{line}: {link[1]}: {reason}")
+            wrong.append(f"{page.relative_to(ROOT)}:{line}: {link[1]}: {reason}")
     return wrong
 
 
 def lost_lists(page: Path) -> list[str]:
     """Lists that GitHub sees and Python-Markdown does not: no line before it, or less than four blanks."""
     text = FENCE.sub(lambda found: re.sub(r"[^\n]", " ", found[0]), page.read_text())
-    where = page.relative_to(ROOT) if page.is_relative_to(ROOT) else page
     return [
-        f"{where}:{text.count(chr(10), 0, found.start()) + 1}: {reason}"
+        f"{page.relative_to(ROOT)}:{text.count(chr(10), 0, found.start()) + 1}: {reason}"
         for kind, reason in (
             (SHALLOW, "an inner list needs four blanks"),
             (UNPARTED, "a list needs an empty line before it"),
