@@ -13,10 +13,8 @@ Times are in ps since power-up. Exit code 2 for an unknown name.
 
 from __future__ import annotations
 
-import argparse
 import json
 import re
-import sys
 import tempfile
 import xml.etree.ElementTree as ElementTree
 from collections.abc import Callable
@@ -31,7 +29,7 @@ from fontTools.agl import UV2AGL
 from wavedrom.waveform import WaveDrom
 
 from regs.generated.card_tables import CHARACTER_BITS
-from rtl.command import run_main
+from rtl.command import Parser, run_main
 from rtl.sources import ROOT
 from sim.view.wave_file import WaveFile
 from tb.agents import rtu
@@ -53,9 +51,7 @@ BOOTED_MS = 25.0
 REGISTER = rtu.build(1, rtu.read_registers(2, 1))  # answered by the card itself
 START = rtu.build(1, bytes.fromhex("0F 00 00 00 20 04 7C 04 99 19"))
 BROADCAST = rtu.build(0, START[1:-2])
-AFTER_DRIVE = "reply after the drive's"
 LEDS_MS, LED_STEP_MS = 3750, 50
-LEVELS = {0: "0", 1: "1"}
 # Fill of a block: WaveDrom's digit, and its meaning here.
 FROM_OUTSIDE, FROM_CARD, PLAIN = "3", "4", "5"
 LED_FILL = {"off": "2", "red": "3", "green": "4", "orange": "5"}
@@ -110,7 +106,6 @@ class Drawing:
     foot: str = ""
     lanes: list = field(default_factory=list)
     edges: list[str] = field(default_factory=list)
-    figures: dict[str, str] = field(default_factory=dict)
     nodes: int = 0
 
     @property
@@ -136,15 +131,15 @@ class Drawing:
 
     def level(self, name: str, edges: Edges, idle: int = 0) -> None:
         """A pin, drawn from its edges; a pulse shorter than a brick gets one."""
-        wave = [LEVELS[idle]] * self.bricks
+        wave = ["01"[idle]] * self.bricks
         for at, level in edges:
             if at >= self.end:
                 break
             first = self.brick(at)
-            wave[first:] = [LEVELS[level]] * (self.bricks - first)
+            wave[first:] = ["01"[level]] * (self.bricks - first)
         for at, level in edges:
             if self.start <= at < self.end and (first := self.brick(at)) < self.bricks:
-                wave[first] = LEVELS[level] if level != idle else wave[first]
+                wave[first] = "01"[level] if level != idle else wave[first]
         self._lane(name, "".join(c if i == 0 or c != wave[i - 1] else "." for i, c in enumerate(wave)))
 
     def blocks(self, name: str, blocks: list[Block], between: str = "1") -> None:
@@ -180,10 +175,6 @@ class Drawing:
                 beside = mark(last + round((wide_px(text) / 2 + BRICK) / BRICK))
                 self.edges.append(f"{beside}-{beside} {text}")
         self.lanes.append({"name": "", "wave": "", "node": "".join(node), "period": 0.5})
-
-    def say(self, name: str, value: str) -> str:
-        self.figures[name] = value
-        return value
 
     @property
     def json(self) -> dict:
@@ -228,15 +219,13 @@ def wide_px(text: str, size: float = LABEL_PX) -> float:
 
 
 def fitted(text: str, room: float, size: float = LABEL_PX) -> dict[str, str]:
-    """Attributes that keep a text in its room, in Helvetica and in DejaVu Sans: a smaller size if needed."""
+    """Attributes that keep a text in its room, in Helvetica and in DejaVu Sans: a smaller size if needed.
+
+    The width is fixed, because a viewer without Helvetica uses another font.
+    """
     share = min(1.0, room / wide_px(text, size))
     style = {"style": f"font-size:{share * size:.1f}px"} if share < 1 else {}
-    return style | as_wide_as(text_px(text, share * size))
-
-
-def as_wide_as(px: float) -> dict[str, str]:
-    """Fixes the width of a text: a viewer without Helvetica uses another font."""
-    return {"textLength": f"{px:.1f}", "lengthAdjust": "spacingAndGlyphs"}
+    return style | {"textLength": f"{text_px(text, share * size):.1f}", "lengthAdjust": "spacingAndGlyphs"}
 
 
 class Renderer(WaveDrom):
@@ -445,15 +434,14 @@ def character() -> Drawing:
         first.end + 2 * BIT,
         BIT / 4,
     )
-    lead = drawing.say("driver before start bit", bits(first.start - enabled))
-    length = drawing.say("character", bits(second.start - first.start))
-    lasts = drawing.say("time", ms(second.start - first.start))
+    length = second.start - first.start
     seen.lanes(drawing, "modbus_de", "modbus_tx")
     names = [Block(first.start + i * BIT, first.start + (i + 1) * BIT, n) for i, n in enumerate(BIT_NAMES)]
     drawing.blocks("bit", [*names, Block(second.start, second.start + BIT, "start")])
-    drawing.arrows((first.start, second.start, f"{length}, {lasts}"))
+    drawing.arrows((first.start, second.start, f"{bits(length)}, {ms(length)}"))
     value = first.data[0]
     sent = " ".join(str(value >> i & 1) for i in range(8))
+    lead = bits(first.start - enabled)
     drawing.foot = f"Least bit first: {sent}, then even parity. Driver on {lead} before the start bit."
     return drawing
 
@@ -486,17 +474,14 @@ def commit() -> Drawing:
         reply + 5 * BIT,
         BIT / 2,
     )
-    half = drawing.say("candidate after the request", bits(candidate - end))
-    t35 = drawing.say("commit after the request", bits(committed - end))
-    lead = drawing.say("driver before start bit", bits(reply - seen.pulses("modbus_de")[0][0]))
-    out = drawing.say("reply after t3.5", bits(reply - end - 3.5 * CHARACTER_BITS * BIT))
-    ready = drawing.say("reply prepared after the candidate", ms(queued - candidate))
+    enabled = seen.pulses("modbus_de")[0][0]
     gate_lanes(drawing, seen)
-    drawing.arrows((end, candidate, f"half a character: {half}"))
-    drawing.arrows((end, committed, f"t3.5: {t35}"))
+    drawing.arrows((end, candidate, f"half a character: {bits(candidate - end)}"))
+    drawing.arrows((end, committed, f"t3.5: {bits(committed - end)}"))
+    out = bits(reply - end - 3.5 * CHARACTER_BITS * BIT)
     drawing.foot = (
-        f"The reply is ready {ready} after the candidate (firmware at 2 MHz)."
-        f" It leaves {out} after t3.5, its driver {lead} earlier."
+        f"The reply is ready {ms(queued - candidate)} after the candidate (firmware at 2 MHz)."
+        f" It leaves {out} after t3.5, its driver {bits(reply - enabled)} earlier."
     )
     return drawing
 
@@ -517,20 +502,18 @@ def revoke() -> Drawing:
         end + 52 * BIT,
         BIT,
     )
-    half = drawing.say("candidate after the request", bits(candidate - end))
-    stray_after = drawing.say("character after the request", bits(stray.start - end))
-    seen_after = drawing.say("revoke after its start edge", bits(revoked - stray.start))
     assert candidate < seen.after("reply_queued", end) < revoked
     assert not any(end <= rise <= end + 100 * BIT for rise, _ in seen.pulses("commit"))
     assert not seen.pulses("modbus_de")
     gate_lanes(drawing, seen)
-    drawing.arrows((end, candidate, f"half a character: {half}"))
-    drawing.arrows((end, stray.start, f"next character: {stray_after}"))
+    drawing.arrows((end, candidate, f"half a character: {bits(candidate - end)}"))
+    drawing.arrows((end, stray.start, f"next character: {bits(stray.start - end)}"))
+    seen_after = bits(revoked - stray.start)
     drawing.foot = f"Revoked {seen_after} after the start edge. Nothing was sent, nothing was changed."
     return drawing
 
 
-def transaction(title: str, request: bytes, answered: bool = True) -> tuple[Drawing, list[bytes]]:
+def transaction(title: str, request: bytes, answered: bool = True) -> tuple[Drawing, list[Block]]:
     """A request that goes to the drive, on both lines from the first start bit to the last stop bit."""
     with Run() as card:
         card.request(request, timeout_ms=60)
@@ -552,27 +535,26 @@ def transaction(title: str, request: bytes, answered: bool = True) -> tuple[Draw
     seen.lanes(drawing, "drive_de")
     drawing.group("commit gate")
     seen.lanes(drawing, "candidate", "commit", "drive_candidate", "drive_good")
-    after = drawing.say("telegram after the request", bits(telegrams[0].start - asked[0].end))
+    after = bits(telegrams[0].start - asked[0].end)
     # At this clock the telegram of a parameter is not ready at t3.5 (docs/guide/timing.md).
     late = telegrams[0].start - asked[0].end > (3.5 * CHARACTER_BITS + 2) * BIT
     spans = [(asked[0].end, telegrams[0].start, f"t3.5, {'firmware' if late else 'driver'}: {after}")]
     if answers:
-        pause = drawing.say("drive's reply after the telegram", bits(answers[0].start - telegrams[0].end))
-        spans.append((telegrams[0].end, answers[0].start, f"drive's delay: {pause}"))
+        sent, heard = telegrams[0].end, answers[0].start
+        spans.append((sent, heard, f"drive's delay: {bits(heard - sent)}"))
     drawing.arrows(*spans)
     if replies:
-        turnaround = drawing.say("turnaround", ms(replies[0].start - asked[0].end))
-        drawing.say(AFTER_DRIVE, bits(replies[0].start - answers[0].end))
+        turnaround = ms(replies[0].start - asked[0].end)
         drawing.arrows((asked[0].end, replies[0].start, f"turnaround {turnaround}"))
-    return drawing, [frame.data for frame in (*asked, *telegrams, *answers, *replies)]
+    return drawing, [*asked, *telegrams, *answers, *replies]
 
 
 def start_motor() -> Drawing:
-    drawing, (_, telegram, answer, _) = transaction("Start, 40 % speed: one request on both lines", START)
+    drawing, (_, told, answer, reply) = transaction("Start, 40 % speed: one request on both lines", START)
     drawing.foot = (
-        f"To the drive: {fc_telegram.describe(telegram)}."
-        f" Its answer: {fc_telegram.describe(answer, reply=True)}."
-        f" The reply leaves {drawing.figures[AFTER_DRIVE]} after it."
+        f"To the drive: {fc_telegram.describe(told.data)}."
+        f" Its answer: {fc_telegram.describe(answer.data, reply=True)}."
+        f" The reply leaves {bits(reply.start - answer.end)} after it."
     )
     return drawing
 
@@ -580,19 +562,17 @@ def start_motor() -> Drawing:
 def refusal() -> Drawing:
     request = rtu.build(1, rtu.write_register(10 * 514 - 1, 1))
     drawing, (_, _, answer, reply) = transaction("Exception: a write that the drive refuses", request)
-    said = fc_telegram.describe(answer, reply=True).split(";")[0]
+    said = fc_telegram.describe(answer.data, reply=True).split(";")[0]
+    after = bits(reply.start - answer.end)
     drawing.foot = (
-        f"The drive: {said}. The card: exception {reply[2]},"
-        f" {drawing.figures[AFTER_DRIVE]} after the drive's answer."
+        f"The drive: {said}. The card: exception {reply.data[2]}, {after} after the drive's answer."
     )
     return drawing
 
 
 def broadcast() -> Drawing:
-    drawing, (_, telegram) = transaction(
-        "Broadcast: a telegram to all, and no reply", BROADCAST, answered=False
-    )
-    drawing.foot = f"ADR {telegram[2]:02X}h: {fc_telegram.describe(telegram)}. Both lines stay silent then."
+    drawing, (_, told) = transaction("Broadcast: a telegram to all, and no reply", BROADCAST, answered=False)
+    drawing.foot = f"ADR {told.data[2]:02X}h: {fc_telegram.describe(told.data)}. Both lines stay silent then."
     return drawing
 
 
@@ -617,14 +597,11 @@ def loop_back() -> Drawing:
     drawing.blocks("sends", [frame])
     drawing.blocks("hears", seen.frames("modbus_rx", FROM_OUTSIDE))
     seen.lanes(drawing, "modbus_de")
-    drawing.arrows(
-        (telegram.end, frame.start, drawing.say("between the two", ms(frame.start - telegram.end)))
-    )
-    first = drawing.say("first bit after power-up", ms(telegram.start))
+    drawing.arrows((telegram.end, frame.start, ms(frame.start - telegram.end)))
     verdicts = {led: history[-1] for led, history in shown.items()}
     (verdict,) = {one.colour for one in verdicts.values()}
-    when = drawing.say("verdict", f"{max(one.since_ps for one in verdicts.values()) / MS:.0f} ms")
-    drawing.foot = f"First bit {first} after power-up. Both LEDs {verdict} from {when} on."
+    when = f"{max(one.since_ps for one in verdicts.values()) / MS:.0f} ms"
+    drawing.foot = f"First bit {ms(telegram.start)} after power-up. Both LEDs {verdict} from {when} on."
     return drawing
 
 
@@ -647,9 +624,10 @@ def power_up() -> Drawing:
     step = shown["drive"][3].since_ps - shown["drive"][2].since_ps
     over = shown["drive"][5].since_ps
     drawing.arrows((lit["drive"], lit["modbus"], "drive LED"), (lit["modbus"], over, "network LED"))
-    light, each = drawing.say("first light", ms(lit["drive"])), drawing.say("step", f"{step / MS:.0f} ms")
-    end = drawing.say("end of the show", f"{over / MS:.0f} ms")
-    drawing.foot = f"First light after {light}, a colour every {each}, over after {end}."
+    light = ms(lit["drive"])
+    drawing.foot = (
+        f"First light after {light}, a colour every {step / MS:.0f} ms, over after {over / MS:.0f} ms."
+    )
     return drawing
 
 
@@ -674,12 +652,9 @@ def network_port() -> Drawing:
     seen.lanes(drawing, "start_seen", "quiet", "reply_start", "sending")
     candidate, committed = (seen.after(name, end) for name in ("candidate", "commit"))
     started = seen.after("reply_start", end)
-    half = drawing.say("candidate after the request", bits(candidate - end))
-    t35 = drawing.say("commit after the request", bits(committed - end))
-    lead = drawing.say("first bit after reply_start", bits(reply[0].start - started))
-    drawing.arrows((end, candidate, f"half a character: {half}"))
-    drawing.arrows((end, committed, f"t3.5: {t35}"))
-    drawing.foot = f"The first start bit leaves {lead} after reply_start."
+    drawing.arrows((end, candidate, f"half a character: {bits(candidate - end)}"))
+    drawing.arrows((end, committed, f"t3.5: {bits(committed - end)}"))
+    drawing.foot = f"The first start bit leaves {bits(reply[0].start - started)} after reply_start."
     return drawing
 
 
@@ -698,10 +673,9 @@ def handshake(kind: str, title: str, filling: str) -> Drawing:
     drawing.blocks(f"{kind}_addr", [Block(rise, end, str(place), FROM_CARD)], between="x")
     first, last = (rise, end) if kind == "write" else (end, end + seen.clock)
     drawing.blocks(f"{kind}_data", [Block(first, last, f"{byte:02X}", filling)], between="x")
-    waits = drawing.say("valid", f"{(end - rise) / seen.clock:.0f} clock")
+    assert round((end - rise) / seen.clock) == 1
     when = "in the clock of ready" if kind == "write" else "in the clock after ready"
-    drawing.foot = f"Place {place}, byte {byte:02X}h {when}. Valid for {waits}: this memory is ready at once."
-    assert waits == "1 clock"
+    drawing.foot = f"Place {place}, byte {byte:02X}h {when}. Valid for 1 clock: this memory is ready at once."
     return drawing
 
 
@@ -725,9 +699,9 @@ def drive_port() -> Drawing:
     seen.lanes(drawing, "sending", "quiet", "candidate", "good")
     drawing.group("control")
     seen.lanes(drawing, "telegram_start", "listening")
-    first = drawing.say("first bit after telegram_start", bits(telegram[0].start - started))
-    right = drawing.say("good before the end of the reply", bits(answer[-1].end - good))
-    pause = drawing.say("reply after the telegram", bits(answer[0].start - telegram[-1].end))
+    first = bits(telegram[0].start - started)
+    right = bits(answer[-1].end - good)
+    pause = bits(answer[0].start - telegram[-1].end)
     drawing.arrows((telegram[-1].end, answer[0].start, f"drive's delay: {pause}"))
     drawing.foot = (
         f"The first start bit leaves {first} after telegram_start. good comes {right} before the end."
@@ -754,18 +728,17 @@ DRAWINGS: dict[str, Callable[[], Drawing]] = {
 
 
 def main() -> int:
-    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
+    parser = Parser(prog="diagrams", description=__doc__.splitlines()[0])
     parser.add_argument("names", nargs="*", metavar="NAME", help=f"{', '.join(DRAWINGS)} (default: all)")
     args = parser.parse_args()
     if unknown := [name for name in args.names if name not in DRAWINGS]:
-        print(f"diagrams: no diagram '{unknown[0]}'; there are {', '.join(DRAWINGS)}", file=sys.stderr)
-        return 2
+        parser.error(f"no diagram '{unknown[0]}'; there are {', '.join(DRAWINGS)}")
     DIAGRAMS.mkdir(parents=True, exist_ok=True)
     for name in args.names or DRAWINGS:
         drawing = DRAWINGS[name]()
         (DIAGRAMS / f"{name}.svg").write_text(svg(drawing))
         (DIAGRAMS / f"{name}.json").write_text(json.dumps(drawing.json, indent=1, ensure_ascii=False) + "\n")
-        print(f"{name}: " + ", ".join(f"{what} {value}" for what, value in drawing.figures.items()))
+        print(DIAGRAMS.relative_to(ROOT) / f"{name}.svg")
     return 0
 
 
