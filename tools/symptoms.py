@@ -12,7 +12,6 @@ the same files. Times are in ps since power-up. Exit code 2 for an unknown name.
 
 from __future__ import annotations
 
-import argparse
 import re
 import shlex
 import subprocess
@@ -21,9 +20,10 @@ from bisect import bisect_right
 from collections.abc import Callable, Iterator
 from pathlib import Path
 
-from rtl.command import run_main
+from rtl.command import Parser, run_main
 from rtl.sources import ROOT
 from tb.agents import rtu
+from tb.agents.edges import Trace
 from tb.agents.uart import Character, Flaws, Format, waveform
 from tb.lib.card import MS
 from tb.lib.fast_card import SHOWN_SEED, FastCard, Line
@@ -116,18 +116,12 @@ class Bus(FastCard):
 
 
 def heard(edges: list[tuple[int, int]], fmt: Format) -> Iterator[Character]:
-    """Characters on a pin, each bit sampled in its middle, at the card's rate and format."""
-    times = [at for at, _ in edges]
-
-    def level(when: float) -> int:
-        place = bisect_right(times, when)
-        return edges[place - 1][1] if place else 1
-
-    free = 0.0
+    """Characters on a pin, each bit sampled in its middle; a Trace drops those with a short start bit."""
+    level_at, free = Trace(fmt, edges).level_at, 0.0
     for start, to in edges:
         if to or start < free:
             continue
-        bits = [level(start + (i + 0.5) * fmt.bit_ps) for i in range(fmt.bits)]
+        bits = [level_at(start + (i + 0.5) * fmt.bit_ps) for i in range(fmt.bits)]
         byte = sum(bits[1 + i] << i for i in range(8))
         parity_ok = not fmt.parity_bits or bits[9] == fmt.parity_bit(byte)
         end = round(start + fmt.character_ps)
@@ -368,12 +362,11 @@ def with_outputs(guide: str) -> str:
 
 
 def main() -> int:
-    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
+    parser = Parser(prog="symptoms", description=__doc__.splitlines()[0])
     parser.add_argument("names", nargs="*", metavar="NAME", help=f"{', '.join(SYMPTOMS)} (default: all)")
     args = parser.parse_args()
     if unknown := [name for name in args.names if name not in SYMPTOMS]:
-        print(f"symptoms: no symptom '{unknown[0]}'; there are {', '.join(SYMPTOMS)}", file=sys.stderr)
-        return 2
+        parser.error(f"no symptom '{unknown[0]}'; there are {', '.join(SYMPTOMS)}")
     for name in args.names or SYMPTOMS:
         print(make(name).relative_to(ROOT))
     for guide in GUIDES:

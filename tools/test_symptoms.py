@@ -5,6 +5,7 @@ from __future__ import annotations
 
 import json
 import re
+from itertools import zip_longest
 from pathlib import Path
 
 import pytest
@@ -66,20 +67,13 @@ def words(entry: dict) -> dict:
 def difference(before: list[dict], now: list[dict]) -> str | None:
     """First entry that differs in content or time. LEDs and lines are compared separately."""
 
-    def streams(of: list[dict]) -> dict[str, list[dict]]:
-        entries: dict[str, list[dict]] = {}
-        for entry in of:
-            entries.setdefault(entry.get("line") or f"{entry['led']} LED", []).append(entry)
-        return entries
+    def stream(entry: dict) -> str:
+        return entry.get("line") or f"{entry['led']} LED"
 
-    was, is_now = streams(before), streams(now)
-    for name in sorted({*was, *is_now}):
-        a, b = was.get(name, []), is_now.get(name, [])
-        for old, new in zip(a, b, strict=False):
-            if words(old) != words(new) or abs(old["t"] - new["t"]) > SAME_S:
-                return f"{name}: {old} is now {new}"
-        if len(a) != len(b):
-            return f"{name}: {len(a)} entries, now {len(b)}"
+    # A sort keeps the order within each stream.
+    for old, new in zip_longest(sorted(before, key=stream), sorted(now, key=stream)):
+        if not (old and new) or words(old) != words(new) or abs(old["t"] - new["t"]) > SAME_S:
+            return f"{old} is now {new}"
     return None
 
 
