@@ -29,10 +29,10 @@ UNTIL_S, STATES_UNTIL_S = 7.2, 6.4
 SIZE = (80, 24)
 TITLE = "make run: the virtual card with a simulated VLT 6000"
 WEB_FONT = re.compile(r"\s*@font-face \{.*?\n\s*\}", re.DOTALL)
-CLIP = re.compile(r">\s+<(rect x=\"0\"|/clipPath)")  # one line each
+# No text is longer than its line, so none needs to be cut off.
+CLIP = re.compile(r'<clipPath id="[^"]+-line-\d+">.*?</clipPath>| clip-path="[^"]+-line-\d+\)"', re.DOTALL)
 TEXT = re.compile(
-    r"<text (class=\"[^\"]+-r\d+\") x=\"([\d.]+)\" (y=\"[\d.]+\") "
-    r"textLength=\"[\d.]+\"( [^>]*)>([^<]*)</text>"
+    r'<text (class="[^"]+-r\d+") x="([\d.]+)" (y="[\d.]+") textLength="[\d.]+"\s*>([^<]*)</text>'
 )
 COLUMN = 12.2  # width of a character
 PROCESS_WORDS = re.compile(r"; (?:control|status) .*")
@@ -68,11 +68,11 @@ class ShortLines(View):
 
 def by_words(text: re.Match) -> str:
     """One text a word, each at its column."""
-    kind, x, y, rest, content = text.groups()
+    kind, x, y, content = text.groups()
     shown = unescape(content).replace("\N{NO-BREAK SPACE}", " ")
     return "".join(
         f'<text {kind} x="{float(x) + COLUMN * word.start():.1f}" {y} '
-        f'textLength="{COLUMN * len(word[0]):.1f}"{rest}>{escape(word[0])}</text>'
+        f'textLength="{COLUMN * len(word[0]):.1f}">{escape(word[0])}</text>'
         for word in re.finditer(r"\S+", shown)
     )
 
@@ -92,7 +92,7 @@ def picture() -> str:
     finally:
         os.environ.update({name: value for name, value in terminal.items() if value is not None})
     text = FONT.sub("DejaVu Sans Mono, Liberation Mono, monospace", WEB_FONT.sub("", text))
-    text = TEXT.sub(by_words, CLIP.sub(r"><\1", text))
+    text = TEXT.sub(by_words, CLIP.sub("", text))
     return "\n".join(line.rstrip() for line in text.splitlines() if line.strip()) + "\n"
 
 
