@@ -12,8 +12,6 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-import pytest
-
 FOUND = re.compile(r'<pre id="found">(.*?)</pre>', re.DOTALL)
 CONSOLE = re.compile(r"CONSOLE[:(]\d+\)?\] (.*)")
 # No network, no user profile, and no sandbox, which does not work for root.
@@ -38,31 +36,32 @@ class Seen:
     console: list[str]
 
 
+def opened(page: str, folder: Path, *options: str) -> subprocess.CompletedProcess:
+    """Chromium with a page, which it reads from a file of `folder`."""
+    browser = shutil.which("chromium")
+    if browser is None:
+        raise Missing("chromium is missing; run `make setup-pages` (Debian package chromium)")
+    file = folder / "page.html"
+    file.write_text(page)
+    command = [browser, *OPTIONS, f"--user-data-dir={folder / 'profile'}", *options, file.as_uri()]
+    return subprocess.run(command, capture_output=True, text=True, timeout=120, check=True)
+
+
 def evaluate(page: str, script: str, folder: Path, width: int = 1200, options: tuple[str, ...] = ()) -> Seen:
     """Opens a page and runs a script in it; `found` is what the script returns.
 
     The script may `await`; then `options` need `--virtual-time-budget`, or Chromium does not wait for it.
     """
-    browser = shutil.which("chromium")
-    if browser is None:
-        pytest.fail("chromium is missing; run `make setup` (Debian package chromium)", pytrace=False)
-    file = folder / "page.html"
-    file.write_text(
+    run = opened(
         f"{page}\n<script>addEventListener('load', async () => {{\n"
         f"const found = await (async () => {{ {script} }})();\n"
         "const pre = document.createElement('pre');\n"
         "pre.id = 'found'; pre.textContent = JSON.stringify(found); document.body.append(pre);\n"
-        "});</script>\n"
-    )
-    command = [
-        browser,
-        *OPTIONS,
+        "});</script>\n",
+        folder,
         *options,
-        f"--user-data-dir={folder / 'profile'}",
         f"--window-size={width},900",
-    ]
-    run = subprocess.run(
-        [*command, "--dump-dom", file.as_uri()], capture_output=True, text=True, timeout=120, check=True
+        "--dump-dom",
     )
     found = FOUND.search(run.stdout)
     console = CONSOLE.findall(run.stderr)
@@ -72,13 +71,6 @@ def evaluate(page: str, script: str, folder: Path, width: int = 1200, options: t
 
 def print_pdf(page: str, folder: Path) -> bytes:
     """The page printed, on the paper that its style names."""
-    browser = shutil.which("chromium")
-    if browser is None:
-        raise Missing("chromium is missing; run `make setup-pages` (Debian package chromium)")
-    file, output = folder / "page.html", folder / "page.pdf"
-    file.write_text(page)
-    command = [browser, *OPTIONS, "--no-pdf-header-footer", f"--user-data-dir={folder / 'profile'}"]
-    subprocess.run(
-        [*command, f"--print-to-pdf={output}", file.as_uri()], capture_output=True, timeout=120, check=True
-    )
+    output = folder / "page.pdf"
+    opened(page, folder, "--no-pdf-header-footer", f"--print-to-pdf={output}")
     return output.read_bytes()

@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """The data sheet: two pages as PDF and as HTML, from the measured pages and the sources.
 
-    python -m tools.datasheet [FOLDER]     default: build/datasheet
+    python -m tools.datasheet
 
 Measured figures come from docs/evidence.json, with the card that they name. Ports and parameters come from
 rtl/rtu2fc.v, configurations from configs.toml, boards from constraints/boards.toml. tools/datasheet.toml has
@@ -14,12 +14,12 @@ from __future__ import annotations
 import html
 import re
 import subprocess
-import sys
 import tempfile
 import tomllib
 from collections.abc import Iterable
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Any
 
 from campaigns.bench import fingerprint
 from campaigns.line_quality.limits import QUANTITIES
@@ -27,7 +27,7 @@ from constraints import image
 from constraints.boards import boards
 from regs.dialects import IMAGES
 from regs.generated.card_tables import RATES
-from rtl.command import VERSION, Parser, run_main
+from rtl.command import VERSION, run_main
 from rtl.report_page import evidence
 from rtl.sources import ROOT, SourcesError, configurations, without_comments
 from sim.harness.pins import BAUDS, FORMS
@@ -122,24 +122,23 @@ class Table:
         return found[0]
 
 
-def lacking(report: str, what: str) -> DatasheetError:
-    return DatasheetError(f"docs/evidence.json has no {what}; run `make evidence ONLY={report}`")
+def figures(report: str, kind: str, name: str) -> Any:
+    try:
+        return evidence()[report][kind][name]
+    except KeyError as error:
+        raise DatasheetError(
+            f"docs/evidence.json has no {error} of {report}; run `make evidence ONLY={report}`"
+        ) from None
 
 
 def of(report: str, subject: str) -> str:
     """The fingerprint of what a report was measured on."""
-    try:
-        return evidence()[report]["of"][subject]
-    except KeyError as error:
-        raise lacking(report, repr(error.args[0])) from None
+    return figures(report, "of", subject)
 
 
 def table(report: str, heading: str) -> Table:
     """A table of a report; an empty heading: the one below its title."""
-    try:
-        header, *rows = evidence()[report]["tables"][heading]
-    except KeyError:
-        raise lacking(report, f"{report}, {heading}" if heading else report) from None
+    header, *rows = figures(report, "tables", heading)
     return Table(report, header, rows)
 
 
@@ -152,23 +151,16 @@ def marked(text: str) -> str:
     return re.sub(r"\*\*([^*]+)\*\*", r"<b>\1</b>", text)
 
 
-def as_html(header: Iterable[str], rows: Iterable[Iterable[str]], own: int | None = None) -> str:
+def as_html(header: list[str], rows: Iterable[Iterable[str]], own: int | None = None) -> str:
     """An HTML table; `own` is the column of this card."""
 
     def line(row: Iterable[str], kind: str) -> str:
-        found = []
-        for number, cell in enumerate(row):
-            mark = ' class="own"' if number == own and kind == "td" else ""
-            found.append(f"<{kind}{mark}>{marked(cell)}</{kind}>")
-        return f"<tr>{''.join(found)}</tr>"
+        marks = {own: ' class="own"'} if kind == "td" else {}
+        cells = [f"<{kind}{marks.get(n, '')}>{marked(cell)}</{kind}>" for n, cell in enumerate(row)]
+        return f"<tr>{''.join(cells)}</tr>"
 
-    head = list(header)
-    return (
-        "<table>"
-        + (line(head, "th") if any(head) else "")
-        + "".join(line(row, "td") for row in rows)
-        + "</table>"
-    )
+    head = [line(header, "th")] if any(header) else []
+    return f"<table>{''.join([*head, *(line(row, 'td') for row in rows)])}</table>"
 
 
 def meaning(name: str) -> str:
@@ -433,20 +425,13 @@ def pdf(text: str, folder: Path) -> bytes:
 
 
 def main() -> int:
-    parser = Parser(prog="datasheet", description=__doc__.splitlines()[0])
-    parser.add_argument("folder", nargs="?", type=Path, default=OUT, help="where to (build/datasheet)")
-    folder = parser.parse_args().folder
     text = page()
     with tempfile.TemporaryDirectory() as work:
         printed = pdf(text, Path(work))
-    folder.mkdir(parents=True, exist_ok=True)
+    OUT.mkdir(parents=True, exist_ok=True)
     for name, content in (("rtu2fc-datasheet.html", text.encode()), ("rtu2fc-datasheet.pdf", printed)):
-        (folder / name).write_bytes(content)
-        print(f"wrote {folder / name}" if folder != OUT else f"wrote {(folder / name).relative_to(ROOT)}")
-    if measured.older().keys() & PRINTED:
-        print(
-            "datasheet: its figures are of an older card; `make evidence CHECK=1` lists them", file=sys.stderr
-        )
+        (OUT / name).write_bytes(content)
+        print(f"wrote {(OUT / name).relative_to(ROOT)}")
     return 0
 
 

@@ -63,7 +63,6 @@ def test_figures_are_those_of_the_evidence(change, report, heading, row):
     assert "98.765" in datasheet.page()
 
 
-@pytest.mark.nightly("pages")
 def test_two_pages_and_the_same_bytes_at_another_time(tmp_path):
     """pdf() refuses another number of pages."""
     page = datasheet.page()
