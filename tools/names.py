@@ -12,17 +12,13 @@ refused at once; all else is left to pytest, which collects the tests (about 10 
 from __future__ import annotations
 
 import argparse
-import contextlib
 import difflib
-import io
 import re
 import sys
 
-import pytest
-
 from rtl.command import run_main
 from rtl.sources import ROOT
-from tools.trace import Collector
+from tools.trace import chosen
 
 FOLDERS = ("campaigns", "constraints", "formal", "regs", "sim", "sw", "tb", "tools")
 NAME = re.compile(r"^(?:async )?def (test_\w+)", re.MULTILINE)
@@ -61,14 +57,8 @@ def main() -> int:
         print(f"{options.command}: no test has '{word}' in its name{nearest(word, files)}", file=sys.stderr)
         return 2
     choice = [f"--{name}={value}" for name in ("sim", "card") if (value := getattr(options, name))]
-    collector = Collector()
-    with contextlib.redirect_stdout(io.StringIO()), contextlib.redirect_stderr(io.StringIO()):
-        code = pytest.main(
-            ["--collect-only", "-q", "--all", *choice, f"--rootdir={ROOT}", "-k", options.test], [collector]
-        )
-    if collector.stopped:
-        raise KeyboardInterrupt
-    if code != pytest.ExitCode.OK:
+    collector, code, _ = chosen("--all", *choice, "-k", options.test)
+    if code:
         print(f"{options.command}: no test{where} fits '{options.test}'", file=sys.stderr)
         return 2
     print(*sorted(collector.layers))

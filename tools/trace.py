@@ -17,7 +17,7 @@ import io
 import json
 import re
 import sys
-from collections import defaultdict
+from collections import Counter, defaultdict
 from dataclasses import dataclass
 from pathlib import Path
 from xml.etree import ElementTree
@@ -79,29 +79,28 @@ def read_results() -> dict[str, Result]:
     return {test: Result(**entry) for test, entry in json.loads(RESULTS.read_text()).items()}
 
 
-def collect(*, nightly: bool = True) -> Collector:
+def chosen(*options: str) -> tuple[Collector, int, str]:
+    """The tests that pytest chooses with these options, its exit code, and what it said."""
     collector = Collector()
-    with contextlib.redirect_stdout(io.StringIO()) as said:
-        options = ["--all"] if nightly else []
+    with contextlib.redirect_stdout(io.StringIO()) as said, contextlib.redirect_stderr(said):
         code = pytest.main(["--collect-only", "-q", *options, f"--rootdir={ROOT}"], [collector])
     if collector.stopped:
         raise KeyboardInterrupt
-    if code != pytest.ExitCode.OK:
-        print(said.getvalue(), file=sys.stderr)
-        sys.exit(f"trace: pytest could not collect the tests (exit {int(code)})")
+    return collector, int(code), said.getvalue()
+
+
+def collect(*, nightly: bool = True) -> Collector:
+    collector, code, said = chosen(*["--all"] * nightly)
+    if code:
+        print(said, file=sys.stderr)
+        sys.exit(f"trace: pytest could not collect the tests (exit {code})")
     return collector
 
 
 def verdict(tests: list[str], results: dict[str, str]) -> str:
     """In words, the worst first."""
-    counts = {state: sum(results.get(test, "not run") == state for test in tests) for state in STATES}
-    return ", ".join(f"{number} {state}" for state, number in counts.items() if number)
-
-
-def shown_rules(rules: dict[str, str], tests: dict[str, list[str]], results: dict[str, str]) -> set[str]:
-    """Rules of which a test has passed and none failed."""
-    found = {rule: {results.get(test) for test in tests.get(rule, [])} for rule in rules}
-    return {rule for rule, outcomes in found.items() if "passed" in outcomes and "failed" not in outcomes}
+    found = Counter(results.get(test, "not run") for test in tests)
+    return ", ".join(f"{found[state]} {state}" for state in ("failed", "not run", "passed") if found[state])
 
 
 def cocotb_tests(path: Path) -> set[str]:
@@ -114,23 +113,19 @@ def cocotb_tests(path: Path) -> set[str]:
     }
 
 
-def never_chosen(tests: set[str], results: dict[str, str], root: Path, runs: Path) -> list[str]:
+def never_chosen(tests: set[str], results: dict[str, str]) -> list[str]:
     """Cocotb tests that no run's choice of names had; in files of which every pytest test has run."""
     ran: dict[str, set[str]] = defaultdict(set)
-    for path in runs.glob("*/results.xml"):
+    for path in RUNS.glob("*/results.xml"):
         for case in ElementTree.parse(path).iter("testcase"):
             ran[case.get("classname", "")].add(re.match(r"\w*", case.get("name", ""))[0])
     found = []
     for file in sorted({test.split("::")[0] for test in tests}):
         own = {test for test in tests if test.startswith(f"{file}::")}
-        path = root / file
-        if own and own <= set(results):
-            left = cocotb_tests(path) - ran[file.removesuffix(".py").replace("/", ".")]
+        if own <= results.keys():
+            left = cocotb_tests(ROOT / file) - ran[file.removesuffix(".py").replace("/", ".")]
             found += [f"{file}: no run has chosen {name}" for name in sorted(left)]
     return found
-
-
-STATES = ("failed", "not run", "passed")
 
 
 def main() -> int:
@@ -145,7 +140,7 @@ def main() -> int:
     problems = [
         f"{rule}: marked in {tests[rule][0]}, but no rule of that name" for rule in tests if rule not in rules
     ]
-    not_run: list[str] = []
+    not_run, shown = [], 0
     for rule, shown_by in rules.items():
         own = tests.get(rule, [])
         functions = {test.split("[")[0] for test in own}
@@ -155,20 +150,21 @@ def main() -> int:
         if shown_by == "test" and not own:
             problems.append(f"{rule}: no test names it")
         problems += [f"{rule}: {test} failed" for test in own if results.get(test) == "failed"]
-        if own and not any(test in results for test in own):
+        outcomes = {results.get(test) for test in own}
+        if outcomes == {None}:
             not_run.append(rule)
-        if own and args.complete and not any(results.get(test) == "passed" for test in own):
+        if own and args.complete and "passed" not in outcomes:
             problems.append(f"{rule}: no test of it has passed")
-    problems += never_chosen(collected.all, results, ROOT, RUNS)
+        shown += "passed" in outcomes and "failed" not in outcomes
+    problems += never_chosen(collected.all, results)
     missing = collected.all - results.keys()
     for problem in problems:
         print(f"trace: {problem}", file=sys.stderr)
-    shown, still = len(shown_rules(rules, tests, results)), sum(by == "open" for by in rules.values())
     if not_run:
         print(f"not run yet (make test): {', '.join(not_run)}")
     if missing:
         print(f"{len(missing)} of {len(collected.all)} tests have not been run (make nightly)")
-    print(f"{len(rules)} rules, {shown} shown, {still} open")
+    print(f"{len(rules)} rules, {shown} shown, {sum(by == 'open' for by in rules.values())} open")
     return 1 if problems else 0
 
 
