@@ -103,21 +103,13 @@ def main() -> int:
         return check(given.only)
     forget(REPORTS)
     wanted = [name for name in older() if given.only in (None, name)]
-    began, failed, took = time.monotonic(), [], {}
+    began, failed = time.monotonic(), []
     for number, name in enumerate(wanted, 1):
-        print(
-            f"evidence: report {number} of {len(wanted)}, {(time.monotonic() - began) / 60:.0f} min",
-            flush=True,
-        )
-        at = time.monotonic()
         failed += renew(name)
-        took[name] = time.monotonic() - at
-    for name, seconds in took.items():
-        print(f"evidence: {name}: {seconds / 60:.1f} min")
+        minutes = (time.monotonic() - began) / 60
+        print(f"evidence: report {number} of {len(wanted)}, {name}, after {minutes:.1f} min", flush=True)
     left = older()
-    renewed = sum(name not in left for name in wanted)
-    minutes = (time.monotonic() - began) / 60
-    print(f"evidence: {renewed} of {len(wanted)} reports renewed in {minutes:.0f} min")
+    print(f"evidence: {sum(name not in left for name in wanted)} of {len(wanted)} reports renewed")
     for trouble in failed:
         print(f"evidence: failed: {trouble}")
     return int(bool(failed))

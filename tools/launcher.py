@@ -52,14 +52,10 @@ def launch(tool: str, *arguments: str) -> int:
 
 
 def main() -> int:
-    try:
-        if len(sys.argv) < 2:
-            raise LauncherError("name a command")
-        return launch(*sys.argv[1:])
-    except LauncherError as error:
-        print(f"launcher: {error}", file=sys.stderr)
-        return 2
+    if len(sys.argv) < 2:
+        raise LauncherError("name a command")
+    return launch(*sys.argv[1:])
 
 
 if __name__ == "__main__":
-    run_main("launcher", main)
+    run_main("launcher", main, LauncherError)

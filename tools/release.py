@@ -68,23 +68,16 @@ ERRORS = (
     image.ImageError,
     datasheet.DatasheetError,
 )
-ERRORS += (wheels.WheelError, OSError)
+ERRORS += (wheels.WheelError, ImportError, OSError)
 
 
 # ---------------------------------------------------------------- whether it may be released
 
 
-def sections(text: str) -> dict[str, str]:
-    """The sections of a changelog: the text below each heading, by the heading."""
-    parts = re.split(r"^## (.*)$", text, flags=re.MULTILINE)[1:]
-    return dict(zip(parts[::2], parts[1::2], strict=True))
-
-
 def changelog_wrong(text: str, version: str) -> Iterator[str]:
-    found = sections(text)
-    if not any(re.fullmatch(rf"\[{re.escape(version)}\] - \d{{4}}-\d\d-\d\d", title) for title in found):
+    if not re.search(rf"^## \[{re.escape(version)}\] - \d{{4}}-\d\d-\d\d$", text, re.MULTILINE):
         yield f"CHANGELOG.md has no section `## [{version}] - YYYY-MM-DD`"
-    if found.get("[Unreleased]", "").strip():
+    if re.search(r"^## \[Unreleased\]$\s+(?!## )\S", text, re.MULTILINE):
         yield f"CHANGELOG.md has entries below [Unreleased]; move them to {version}"
 
 
@@ -213,11 +206,7 @@ def add_documents(dist: Dist) -> None:
     with tempfile.TemporaryDirectory() as folder:
         dist.add("datasheet", ".pdf", datasheet.pdf(page, Path(folder)), "data sheet, two pages")
     with tempfile.TemporaryDirectory() as folder:
-        try:
-            wrong = site.build(Path(folder) / "site")
-        except ImportError as error:
-            raise ReleaseError(f"{error.name} is missing; run `make setup-docs`") from None
-        if wrong:
+        if wrong := site.build(Path(folder) / "site"):
             raise ReleaseError(f"docs: {wrong[0]}")
         packed = archive(Path(folder) / "site", dist.name("docs", ""))
         dist.add("docs", ".zip", packed, "the documentation as a site: open index.html")

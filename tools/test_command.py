@@ -137,10 +137,12 @@ def test_a_reader_that_stops_is_no_error_and_a_program_that_ended_is_one(what, c
 def test_every_command_has_its_version():
     """By run_main, which is in every command; `rtu2fc` has its own end."""
     number = (ROOT / "VERSION").read_text().strip()
-    for words, its_name in ((("-m", "tools.prose"), ", prose"), (("-m", "sw.rtu2fc"), "")):
-        done = subprocess.run(
-            [sys.executable, *words, "--version"], cwd=ROOT, capture_output=True, text=True, check=False
-        )
+    for words, its_name in (
+        ((sys.executable, "-m", "tools.prose"), ", prose"),
+        ((sys.executable, "-m", "sw.rtu2fc"), ""),
+        (("tools/setup.sh",), ", setup"),
+    ):
+        done = subprocess.run([*words, "--version"], cwd=ROOT, capture_output=True, text=True, check=False)
         assert (done.returncode, done.stdout, done.stderr) == (0, f"rtu2fc {number}{its_name}\n", "")
 
 

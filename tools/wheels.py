@@ -1,8 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Builds the Python packages of this project as wheels, into build/wheels: the same bytes at any place.
-
-python -m tools.wheels [FOLDER]
-"""
+"""Builds the Python packages of this project as wheels, into build/wheels: the same bytes at any place."""
 
 from __future__ import annotations
 
@@ -52,8 +49,7 @@ def build(folder: Path) -> list[Path]:
 
 
 def main() -> int:
-    folder = Path(sys.argv[1]) if len(sys.argv) > 1 else ROOT / "build/wheels"
-    for path in build(folder):
+    for path in build(ROOT / "build/wheels"):
         print(path)
     return 0
 

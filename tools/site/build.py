@@ -49,23 +49,12 @@ def build(site: Path) -> list[str]:
 
 
 def main() -> int:
-    try:
-        import material  # noqa: F401
-        import mkdocs  # noqa: F401
-    except ImportError as error:
-        print(f"docs: {error.name} is missing; run `make docs`", file=sys.stderr)
-        return 2
     site = Path(sys.argv[1]).resolve() if len(sys.argv) > 1 else ROOT / "build/docs-site"
     ours = (site / "search/search_index.js").exists()
     if not ours and site.exists() and (site.is_file() or any(site.iterdir())):
         print(f"docs: {relpath(site)} has other files; the site needs a folder of its own", file=sys.stderr)
         return 2
-    try:
-        wrong = build(site)
-    except OSError as error:
-        print(f"docs: {error}", file=sys.stderr)
-        return 2
-    if wrong:
+    if wrong := build(site):
         print("\n".join(wrong), file=sys.stderr)
         return 1
     print(f"{relpath(site / 'index.html')}: {len(list(site.rglob('*.html')))} pages")
@@ -75,4 +64,4 @@ def main() -> int:
 
 
 if __name__ == "__main__":
-    run_main("docs", main)
+    run_main("docs", main, ImportError, OSError)
