@@ -1,16 +1,16 @@
 // SPDX-License-Identifier: Apache-2.0
-// Bench wrapper: the network port with the tables of the switches, as on the card, by default with
-// EXTENDED_SWITCHES for every rate and format.
+// Bench wrapper: the network port with base tick and tables of the switches, as on the card, by default with
+// EXTENDED_SWITCHES for every rate and format. CLK_HZ 0: a base tick in each clock.
 `default_nettype none
 
 module network_line #(
+    parameter CLK_HZ = 0,
     parameter [0:0] STRICT_T15 = 1'b1,
     parameter [0:0] BREAK_TOLERANT = 1'b0,
     parameter [0:0] EXTENDED_SWITCHES = 1'b1
 ) (
     input  wire       clk,
     input  wire       rst,
-    input  wire       tick_base,
     // frame memory
     output wire       write_valid,
     input  wire       write_ready,
@@ -54,6 +54,7 @@ module network_line #(
     output wire       fault
 );
 
+  wire tick_base;
   wire tick16;
   wire undivided;
   wire [6:0] mask;
@@ -75,6 +76,20 @@ module network_line #(
       .half_end(half_end),
       .half_uneven(half_uneven)
   );
+
+  generate
+    if (CLK_HZ == 0) begin : g_each
+      assign tick_base = 1'b1;
+    end else begin : g_base
+      baud_base #(
+          .CLK_HZ(CLK_HZ)
+      ) base_i (
+          .clk(clk),
+          .rst(rst),
+          .tick_base(tick_base)
+      );
+    end
+  endgenerate
 
   baud_divider divider_i (
       .clk(clk),

@@ -43,8 +43,7 @@ class Port:
         self.dut = dut
         self.bench = Bench(
             dut,
-            BASE_HZ,
-            tick_base=1,
+            int(dut.CLK_HZ.value) or BASE_HZ,
             sw_baud=switch_word(baud_switches(baud, form)) & 0x1F,
             own_address=OWN,
             loopback_open=0,
@@ -656,25 +655,7 @@ async def bytes_received_while_sending_are_ignored(dut):
     assert port.outcome() == (0, 0, 0) and port.counted() == {}
 
 
-COMMON = [
-    "frame_is_stored_and_its_reply_is_sent",
-    "frames_of_up_to_256_bytes_are_candidates",
-    "strict_.*",
-    "character_errors_reject_the_frame_and_are_counted_by_kind",
-    "glitches_in_the_silence_neither_revoke_nor_start_a_frame",
-    "a_pulse_at_the_commit_leaves_the_line_silent",
-    "line_low_at_power_up_is_no_frame",
-    "a_reset_makes_a_low_line_idle",
-    "foreign_frames_are_ignored_and_broadcasts_are_accepted",
-    "echo_of_the_own_reply_is_no_request",
-    "the_loopback_tests_pattern_has_a_wrong_crc",
-    "port_is_quiet_only_after_t35_of_silence",
-    "bytes_received_while_sending_are_ignored",
-    "reply_.*",
-]
-
-
-# Of these, those of many frames or of one frame a register.
+# Scenarios of many frames, or of one frame a register.
 LONG = [
     "frames_of_up_to_256_bytes_are_candidates",
     "strict_character_after_a_good_frame_revokes_it_before_t35",
@@ -683,72 +664,61 @@ LONG = [
 ]
 
 
-@on_verilator
-@pytest.mark.rule(
-    *("LINE-1", "LINE-2", "LINE-3", "LINE-6", "FRAME-1", "FRAME-2", "FRAME-3", "FRAME-4", "FRAME-5"),
-    *("FRAME-6", "FRAME-8", "LINE-5", "SAFE-2", "SAFE-4", "LOOP-1"),
-)
-def test_network_port(sim):
-    what = rf"(?!{'|'.join(LONG)})({'|'.join(COMMON)})"
-    run("network_line", "tb.rtl.test_network_port", sim=sim, extra_sources=[WRAPPER], testcase=what)
+OTHER_RUNS = ("lenient_", "tolerant_", "both_", "first_")
 
 
-@pytest.mark.nightly
-@pytest.mark.rule("FRAME-2", "FRAME-3", "FRAME-6", "LINE-5", "SAFE-4")
-def test_network_port_at_length():
-    run("network_line", "tb.rtl.test_network_port", sim="verilator", extra_sources=[WRAPPER], testcase=LONG)
-
-
-@pytest.mark.rule("LINE-2", "FRAME-1")
-@pytest.mark.parametrize("rates", first(["(9600|19200|38400|115200)", ".*"]), ids=["fast", "all"])
-def test_silences_at_every_rate(rates):
-    """A character at 300 bit/s takes 70,000 clocks."""
-    what = f"both_silences_are_exact_from_the_pin_at_every_rate/baud={rates}"
-    run("network_line", "tb.rtl.test_network_port", sim="verilator", extra_sources=[WRAPPER], testcase=what)
-
-
-@pytest.mark.rule("FRAME-8", "LINE-5")
-@pytest.mark.parametrize("rates", first(["(19200|115200)", ".*"]), ids=["two", "all"])
-def test_reply_to_a_slow_sender(rates):
-    what = f"first_bit_of_a_reply_is_never_early_for_any_sender/baud={rates}"
-    run("network_line", "tb.rtl.test_network_port", sim="verilator", extra_sources=[WRAPPER], testcase=what)
-
-
-@on_verilator
-@pytest.mark.rule("FRAME-3")
-def test_network_port_lenient(sim):
-    parameters = {"STRICT_T15": 0}
+def run_port(sim: str, *testcase: str, **parameters: int) -> None:
     run(
         "network_line",
         "tb.rtl.test_network_port",
         sim=sim,
         extra_sources=[WRAPPER],
         parameters=parameters,
-        testcase="lenient_.*",
+        testcase=testcase,
     )
+
+
+@on_verilator
+@pytest.mark.rule(
+    *("LINE-1", "LINE-2", "LINE-3", "LINE-6", "FRAME-1", "FRAME-2", "FRAME-3", "FRAME-4", "FRAME-5"),
+    *("FRAME-6", "FRAME-8", "LINE-5", "SAFE-2", "SAFE-4", "LOOP-1"),
+)
+def test_network_port(sim):
+    run_port(sim, rf"(?!{'|'.join((*LONG, *OTHER_RUNS))})\w+")
+
+
+@pytest.mark.nightly
+@pytest.mark.rule("FRAME-2", "FRAME-3", "FRAME-6", "LINE-5", "SAFE-4")
+def test_network_port_at_length():
+    run_port("verilator", *LONG)
+
+
+@pytest.mark.rule("LINE-2", "FRAME-1")
+@pytest.mark.parametrize("rates", first(["(9600|19200|38400|115200)", ".*"]), ids=["fast", "all"])
+def test_silences_at_every_rate(rates):
+    """A character at 300 bit/s takes 70,000 clocks."""
+    run_port("verilator", f"both_silences_are_exact_from_the_pin_at_every_rate/baud={rates}")
+
+
+@pytest.mark.rule("FRAME-8", "LINE-5")
+@pytest.mark.parametrize("rates", first(["(19200|115200)", ".*"]), ids=["two", "all"])
+def test_reply_to_a_slow_sender(rates):
+    run_port("verilator", f"first_bit_of_a_reply_is_never_early_for_any_sender/baud={rates}")
+
+
+@on_verilator
+@pytest.mark.rule("FRAME-3")
+def test_network_port_lenient(sim):
+    run_port(sim, r"lenient_\w+", STRICT_T15=0)
 
 
 @pytest.mark.rule("FRAME-3", "FRAME-6", "FRAME-8", "SAFE-2", "SAFE-3")
 @pytest.mark.parametrize("cases", first(["tolerant_the.*", "(tolerant|a_pulse_at_the_commit_leaves)_.*"]))
 def test_network_port_on_a_bus_without_bias(cases: str):
-    run(
-        "network_line",
-        "tb.rtl.test_network_port",
-        sim="verilator",
-        extra_sources=[WRAPPER],
-        parameters={"BREAK_TOLERANT": 1},
-        testcase=cases,
-    )
+    run_port("verilator", cases, BREAK_TOLERANT=1)
 
 
 @pytest.mark.nightly
 @pytest.mark.rule("LINE-5")
 def test_a_pulse_at_the_commit_without_t15():
-    run(
-        "network_line",
-        "tb.rtl.test_network_port",
-        sim="verilator",
-        extra_sources=[WRAPPER],
-        parameters={"STRICT_T15": 0},
-        testcase="a_pulse_at_the_commit_leaves_the_line_silent",
-    )
+    run_port("verilator", "a_pulse_at_the_commit_leaves_the_line_silent", STRICT_T15=0)

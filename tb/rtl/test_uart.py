@@ -25,11 +25,6 @@ def levels_of(form: str) -> dict[str, int]:
     }
 
 
-def set_format(dut, form: str) -> None:
-    for name, level in levels_of(form).items():
-        getattr(dut, name).value = level
-
-
 # ---------------------------------------------------------------- receiving
 
 
@@ -82,16 +77,6 @@ async def back_to_back_bytes_are_received_in_every_format(dut, form):
 
 
 @cocotb.test()
-@cocotb.parametrize(form=("8E1", "8O1"))
-async def parity_error_is_reported_with_its_own_byte(dut, form):
-    rx = await Receiver(dut, form).start()
-    await rx.source.send(b"\x11\x22\x33\x44", Flaws(bad_parity=(1, 3)))
-    await rx.source.idle(2)
-    assert rx.bytes == b"\x11\x22\x33\x44"
-    assert rx.flags == [(0, 0), (1, 0), (0, 0), (1, 0)]
-
-
-@cocotb.test()
 async def error_rows_of_a_waveform_are_high_with_a_flawed_byte_alone(dut):
     rows = [Strobes(dut, "parity_flaw"), Strobes(dut, "framing_flaw")]
     rx = await Receiver(dut, "8E1").start()
@@ -128,13 +113,14 @@ async def frame_row_of_a_waveform_shows_the_bytes_of_one_frame(dut):
 
 @cocotb.test()
 @cocotb.parametrize(form=FORMATS)
-async def missing_stop_bit_is_reported_with_its_own_byte(dut, form):
+async def an_error_is_reported_with_its_own_byte(dut, form):
     rx = await Receiver(dut, form).start()
-    gaps = {2: 3.0}  # the line must be high again before the next character
-    await rx.source.send(b"\x11\x22\x33", Flaws(bad_stop=(1,), gaps=gaps))
+    parity = int(form[1] != "N")
+    gaps = {4: 3.0}  # the line must be high again before the next character
+    await rx.source.send(b"\x11\x22\x33\x44\x55", Flaws(bad_parity=(1,) * parity, bad_stop=(3,), gaps=gaps))
     await rx.source.idle(2)
-    assert rx.bytes == b"\x11\x22\x33"
-    assert rx.flags == [(0, 0), (0, 1), (0, 0)]
+    assert rx.bytes == b"\x11\x22\x33\x44\x55"
+    assert rx.flags == [(0, 0), (parity, 0), (0, 0), (0, 1), (0, 0)]
 
 
 @cocotb.test()
@@ -174,20 +160,8 @@ async def low_pulse_below_half_a_bit_is_no_start_bit(dut):
 
 
 @cocotb.test()
-async def single_bad_sample_in_the_middle_of_each_bit_is_outvoted(dut):
-    rx = await Receiver(dut, "8E1").start()
-    data = b"\x35\xca"
-    for middle in (6.5, 7.5, 8.5):
-        places = [(bit + middle * TICK, TICK) for bit in range(22)]
-        await rx.source.send(data, Flaws(glitches=places))
-        await rx.source.idle(3)
-    assert rx.bytes == data * 3
-    assert set(rx.flags) == {(0, 0)}
-
-
-@cocotb.test()
 async def the_three_samples_of_a_bit_are_a_tick_apart(dut):
-    """A pulse shorter than a tick can affect only one of them, wherever it lies."""
+    """A pulse shorter than a tick can affect only one of them, wherever it lies, and is outvoted."""
     rx = await Receiver(dut, "8E1", clocks_a_tick=8).start()
     data = b"\x35"
     places = [6 + step / 8 for step in range(0, 32, cases(3, 1))]
@@ -196,15 +170,6 @@ async def the_three_samples_of_a_bit_are_a_tick_apart(dut):
         await rx.source.idle(3)
     assert rx.bytes == data * len(places)
     assert set(rx.flags) == {(0, 0)}
-
-
-@cocotb.test()
-async def receiving_ends_with_the_byte_in_the_middle_of_the_stop_bit(dut):
-    rx = await Receiver(dut, "8E1").start()
-    sent = await rx.source.send(b"\x77")
-    await rx.source.idle(2)
-    stop_bit_left = (sent.end_ps - rx.out.times_ps[0]) / rx.source.fmt.bit_ps
-    assert 0.3 < stop_bit_left < 0.6
 
 
 @cocotb.test()
@@ -244,37 +209,6 @@ async def bytes_are_sent_in_every_format_without_gaps(dut, form):
 
 @cocotb.test()
 @cocotb.parametrize(form=FORMATS)
-async def sending_is_set_from_the_start_bit_to_the_end_of_the_last_stop_bit(dut, form):
-    bench, monitor = await ready_bench(dut, form)
-    await bench.clocks(20)
-    assert dut.sending.value == 0
-    await bench.send_stream(b"\xff", "send")
-    await bench.clocks()
-    assert dut.sending.value == 0 and dut.txd.value == 1, "it begins at a tick"
-    await bench.clocks()
-    assert dut.sending.value == 1 and dut.txd.value == 0, "with the pin"
-    await bench.clocks(16 * monitor.fmt.bits - 1)
-    assert dut.sending.value == 1, "a tick before the end"
-    await bench.clocks()
-    assert dut.sending.value == 0, "at the end"
-
-
-@cocotb.test()
-@cocotb.parametrize(form=FORMATS)
-async def byte_given_in_the_last_tick_of_the_last_stop_bit_follows_without_a_gap(dut, form):
-    bench, monitor = await ready_bench(dut, form)
-    await bench.clocks(5)
-    await bench.send_stream(b"\x12", "send")
-    await bench.clocks(16 * monitor.fmt.bits - 1)
-    assert dut.send_ready.value == 1
-    await bench.send_stream(b"\x34", "send")
-    frame = await monitor.frame(1e12)
-    assert frame.ok and frame.data == b"\x12\x34"
-    assert frame.largest_gap_ps < 0.01 * monitor.fmt.bit_ps
-
-
-@cocotb.test()
-@cocotb.parametrize(form=FORMATS)
 async def next_byte_is_taken_from_the_parity_or_first_stop_bit_on(dut, form):
     """The shift register is free then, and the sender has one bit time to supply the next byte."""
     bench, _ = await ready_bench(dut, form)
@@ -285,18 +219,6 @@ async def next_byte_is_taken_from_the_parity_or_first_stop_bit_on(dut, form):
     await bench.clocks(16 * 12)
     first = (ready.times_ps[0] - begun) / bench.period_ps
     assert abs(first - 16 * 9) <= 2
-
-
-@cocotb.test()
-async def nothing_is_sent_before_the_line_is_ready(dut):
-    bench, monitor = await ready_bench(dut, "8E1")
-    dut.line_ready.value = 0
-    await bench.send_stream(b"\x5a", "send")
-    await bench.clocks(100)
-    assert dut.sending.value == 0 and dut.txd.value == 1 and not monitor.characters
-    dut.line_ready.value = 1
-    frame = await monitor.frame(1e12)
-    assert frame.ok and frame.data == b"\x5a"
 
 
 @cocotb.test()
@@ -340,19 +262,6 @@ async def every_data_bit_reaches_the_check_unit_in_both_directions(dut):
 
 
 @cocotb.test()
-async def late_second_byte_starts_at_once_without_waiting_for_a_bit_boundary(dut):
-    bench, monitor = await ready_bench(dut, "8E1")
-    await bench.clocks(5)
-    await bench.send_stream(b"\x12", "send")
-    await bench.clocks(16 * 11 + 7)
-    await bench.send_stream(b"\x34", "send")
-    frame = await monitor.frame(1e12)
-    assert frame.data == b"\x12\x34"
-    gap_ticks = frame.largest_gap_ps / (monitor.fmt.bit_ps * TICK)
-    assert 0 < gap_ticks < 12
-
-
-@cocotb.test()
 async def reset_while_sending_returns_the_line_to_idle(dut):
     bench, _ = await ready_bench(dut, "8N1")
     await bench.send_stream(b"\x00", "send")
@@ -363,32 +272,8 @@ async def reset_while_sending_returns_the_line_to_idle(dut):
     assert dut.txd.value == 1 and dut.sending.value == 0
 
 
-UNIT_TESTS = [
-    "back_to_back_bytes_are_received_in_every_format",
-    "parity_error_is_reported_with_its_own_byte",
-    "missing_stop_bit_is_reported_with_its_own_byte",
-    "one_stop_bit_is_enough_where_two_are_usual",
-    "break_is_one_zero_with_framing_error_and_receiving_until_it_ends",
-    "low_pulse_below_half_a_bit_is_no_start_bit",
-    "single_bad_sample_in_the_middle_of_each_bit_is_outvoted",
-    "the_three_samples_of_a_bit_are_a_tick_apart",
-    "receiving_ends_with_the_byte_in_the_middle_of_the_stop_bit",
-    "reset_in_the_middle_of_a_byte_drops_it",
-    "bytes_are_sent_in_every_format_without_gaps",
-    "sending_is_set_from_the_start_bit_to_the_end_of_the_last_stop_bit",
-    "byte_given_in_the_last_tick_of_the_last_stop_bit_follows_without_a_gap",
-    "next_byte_is_taken_from_the_parity_or_first_stop_bit_on",
-    "nothing_is_sent_before_the_line_is_ready",
-    "check_bits_are_sent_in_place_of_the_data_with_their_own_parity",
-    "every_data_bit_reaches_the_check_unit_in_both_directions",
-    "late_second_byte_starts_at_once_without_waiting_for_a_bit_boundary",
-    "reset_while_sending_returns_the_line_to_idle",
-]
-# With uart_text.vh.
-ROWS = [
-    "error_rows_of_a_waveform_are_high_with_a_flawed_byte_alone",
-    "frame_row_of_a_waveform_shows_the_bytes_of_one_frame",
-]
+# All but those of the rows of uart_text.vh.
+UNIT_TESTS = r"(?!\w+_of_a_waveform_)\w+"
 
 
 @pytest.mark.rule("LINE-1", "LINE-3", "LINE-5", "FC-1", "FC-8")
@@ -398,4 +283,4 @@ def test_uart(sim):
 
 def test_rows_of_a_waveform(sim, tmp_path):
     sources = copies_with_rows([ROOT / "rtl/uart.v"], tmp_path)
-    run("uart", "tb.rtl.test_uart", sim=sim, sources=sources, testcase=ROWS)
+    run("uart", "tb.rtl.test_uart", sim=sim, sources=sources, testcase=r"\w+_of_a_waveform_\w+")
