@@ -94,16 +94,6 @@ class Bench:
         await self.edge()
         signal.value = 0
 
-    async def line_bits(self, value: int) -> None:
-        """A byte as a check unit receives it: start_seen, if present, then 8 bits, LSB first, one a clock."""
-        if hasattr(self.dut, "start_seen"):
-            await self.strobe(self.dut.start_seen)
-        self.dut.bit_valid.value = 1
-        for n in range(8):
-            self.dut.bit_data.value = value >> n & 1
-            await self.clocks()
-        self.dut.bit_valid.value = 0
-
 
 class Strobes:
     """Records every clock in which a strobe is high, with the values of other signals in that clock."""
