@@ -73,20 +73,17 @@ class Part:
             self.shifted, self.length = 1, 8
         elif self.state == "update-ir":
             self.command = self.shifted
-            self.obey()
+            # Commands without data.
+            if self.command == FIRST_PAGE:
+                self.page = 0
+            elif self.command == DISABLE:
+                self.mode = None
+            elif self.command == PROGRAM_DONE:
+                self.done = self.done or self.mode == FLASH_MODE
         elif self.state == "capture-dr":
             self.shifted, self.length = self.read(), LENGTH.get(self.command, 1)
         elif self.state == "update-dr":
             self.write(self.shifted)
-
-    def obey(self) -> None:
-        """Commands without data."""
-        if self.command == FIRST_PAGE:
-            self.page = 0
-        elif self.command == DISABLE:
-            self.mode = None
-        elif self.command == PROGRAM_DONE:
-            self.done = self.done or self.mode == FLASH_MODE
 
     def read(self) -> int:
         if self.command == READ_PAGE:
