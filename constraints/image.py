@@ -84,35 +84,21 @@ def read_words(path: Path, entry: Board) -> list[int]:
 # ---------------------------------------------------------------- MachXO2 and ECP5
 
 
+def kept(width: int) -> int:
+    """Bits of a 9-bit word that a block RAM of this width uses."""
+    return RAW_BITS if width >= RAW_BITS else RAW_BITS - 1
+
+
 def lanes(raw: list[int], width: int) -> list[str]:
     """Content of a block RAM by data bit: character A of lane B is bit B at address A."""
-    if width < RAW_BITS:
-        return [
-            "".join("01"[word >> at + lane & 1] for word in raw for at in range(0, RAW_BITS - 1, width))
-            for lane in range(width)
-        ]
-    step = width // RAW_BITS
-    return [
-        "".join("01"[word >> bit & 1] for word in raw[at::step])
-        for at in range(step)
-        for bit in range(RAW_BITS)
-    ]
+    flat = "".join(f"{word:0{RAW_BITS}b}"[::-1][: kept(width)] for word in raw)
+    return [flat[lane::width] for lane in range(width)]
 
 
 def raw_words(content: list[str], width: int) -> list[int]:
     """The inverse of `lanes`."""
-    if width < RAW_BITS:
-        each = (RAW_BITS - 1) // width
-        flat = ["".join(bits) for bits in zip(*content, strict=True)]
-        return [
-            sum(int(flat[at + n][::-1], 2) << n * width for n in range(each))
-            for at in range(0, len(flat), each)
-        ]
-    return [
-        int("".join(bits[at : at + RAW_BITS])[::-1], 2)
-        for bits in zip(*content, strict=True)
-        for at in range(0, width, RAW_BITS)
-    ]
+    flat = "".join("".join(bits) for bits in zip(*content, strict=True))
+    return [int(flat[at : at + kept(width)][::-1], 2) for at in range(0, len(flat), kept(width))]
 
 
 class Replacement:
