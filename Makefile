@@ -165,7 +165,7 @@ trace: | setup-test ## * which test shows which rule, and its last result (8 s)
 formal: | setup-test ## * prove the promises of formal/ (3 min; MODULE=name: one module)
 	@$(RUN) formal.prove $(MODULE) --jobs $(JOBS) $(if $(MODULE),,--write)
 
-formal-flips: | setup-test ## prove that one flipped bit does no harm (7 min; MODULE=name)
+formal-flips: | setup-test ## prove that one flipped bit does no harm (5 min; MODULE=name)
 	@$(RUN) formal.flips $(MODULE) --jobs $(JOBS) $(if $(MODULE),,--write)
 
 ##@ Measure
