@@ -30,10 +30,7 @@ HARNESS = [ROOT / "sim/harness" / name for name in ("card_library.cpp", "card_mo
 JUDGES: dict[str, tuple[tuple[str, ...], tuple[str, ...]]] = {
     "starts": (("tb.lib.starts",), ()),
     "flips": (("campaigns.flips.group",), ()),
-    "fuzz": (
-        ("campaigns.fuzz.trial", "campaigns.fuzz.impatient", "campaigns.fuzz.planted"),
-        ("tb/planted.toml", "tb/captures/*.sr"),
-    ),
+    "fuzz": (("campaigns.fuzz.trial", "campaigns.fuzz.impatient"), ("tb/captures/*.sr",)),
 }
 # The simulated card with its far ends, and the drive.
 AROUND = ("sim/harness", "sim/card", "sim/drive")
