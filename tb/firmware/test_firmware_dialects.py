@@ -549,6 +549,13 @@ def test_wrong_diagnostics_get_the_dialects_exceptions(option: str, pdu: str, ki
     assert diagnosing(option).do(H(pdu)).reply == refused(MODEL_DIALECTS[option].codes[kind], H(pdu)[0]), what
 
 
+@pytest.mark.rule("MAP-10")
+def test_an_echo_returns_up_to_27_bytes():
+    for size in range(2, 28, 2):
+        pdu = H("08 0000") + bytes(range(size))
+        assert diagnosing(STANDARD).do(pdu).reply == pdu
+
+
 @pytest.mark.rule("MAP-10", "MAP-9")
 @each_row("pdu", [*DIAGNOSTIC_REQUESTS, "08 0001 0000", "08 000A 0000"])
 def test_diagnostics_to_all_are_ignored(pdu: str):
