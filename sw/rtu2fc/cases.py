@@ -8,6 +8,7 @@ for it, so one test serves simulated pins and a serial port. It raises `Fault` f
 
 from __future__ import annotations
 
+import functools
 from collections.abc import Callable, Generator, Mapping, Sequence
 from dataclasses import dataclass, field
 
@@ -18,8 +19,23 @@ from .line import Flaws, Format, Pulse
 BYTES, EDGES, PARITY, PINS = "bytes", "edges", "parity", "DE"
 LONGEST_FRAME = 256
 FUNCTIONS = (1, 2, 3, 4, 5, 6, 15, 16)  # those that have tests
-MOST_READ, MOST_WRITTEN = {1: 2000, 2: 2000, 3: 125, 4: 125}, {15: 0x7B0, 16: 123}
 SEVERAL = 10  # registers or coils of a usual test; a slave may have fewer
+
+
+@dataclass(frozen=True)
+class Kind:
+    """Registers or coils: the functions that read, write one and write several; the most in a frame."""
+
+    name: str
+    read: int
+    one: int
+    several: int
+    most_read: int
+    most_written: int
+
+
+REGISTER, COIL = Kind("register", 3, 6, 16, 125, 123), Kind("coil", 1, 5, 15, 2000, 0x7B0)
+WRITES = {5: rtu.write_coil, 6: rtu.write_register, 15: rtu.write_coils, 16: rtu.write_registers}
 
 
 class Fault(Exception):
@@ -127,35 +143,35 @@ class Session:
             raise Missing(f"no function {' or '.join(map(str, functions))}")
         return found
 
-    def needs_registers(self, count: int) -> None:
-        if self.profile.registers < count:
-            raise Missing(f"needs {count} registers to write, has {self.profile.registers}")
+    def first(self, kind: Kind) -> int:
+        return getattr(self.profile, kind.name)
 
-    def needs_coils(self, count: int) -> None:
-        if self.profile.coils < count:
-            raise Missing(f"needs {count} coils to write, has {self.profile.coils}")
+    def count(self, kind: Kind) -> int:
+        return getattr(self.profile, f"{kind.name}s")
+
+    def none(self, kind: Kind) -> int:
+        """An address without one."""
+        return getattr(self.profile, f"no_{kind.name}")
+
+    def pair(self, kind: Kind) -> tuple:
+        """Two values that differ."""
+        return self.profile.values if kind is REGISTER else (True, False)
+
+    def needs_count(self, kind: Kind, count: int) -> None:
+        if self.count(kind) < count:
+            raise Missing(f"needs {count} {kind.name}s to write, has {self.count(kind)}")
 
     @property
     def other(self) -> int:
         """Another unit, never broadcast."""
         return self.profile.unit % 247 + 1
 
-    @property
-    def writes(self) -> int:
-        """The function that writes a register."""
-        return self.any_of(6, 16)[0]
-
-    def write(self, value: int, register: int | None = None, function: int | None = None) -> bytes:
-        """A write of one register by the function, or by any that the slave has."""
-        register = self.profile.register if register is None else register
-        if (function or self.writes) == 6:
-            return rtu.write_register(register, value)
-        return rtu.write_registers(register, [value])
-
-    def write_coil(self, on: bool, coil: int | None = None, function: int = 5) -> bytes:
-        """A write of one coil."""
-        coil = self.profile.coil if coil is None else coil
-        return rtu.write_coil(coil, on) if function == 5 else rtu.write_coils(coil, [on])
+    def write(self, value: int, place: int | None = None, function: int | None = None) -> bytes:
+        """A write of one register or coil by the function; without one, of a register by any that it has."""
+        function = function or self.any_of(6, 16)[0]
+        if place is None:
+            place = self.first(COIL if function in (COIL.one, COIL.several) else REGISTER)
+        return WRITES[function](place, value if function in (REGISTER.one, COIL.one) else [value])
 
     @property
     def read(self) -> bytes:
@@ -202,16 +218,6 @@ class Session:
         if heard.data:
             raise Fault(f"{what} is answered: {heard.data.hex(' ')}")
 
-    def exception(self, heard: Heard, function: int, code: int, what: str) -> None:
-        adu = self._reply(heard, what)
-        if adu.function != function | 0x80 or len(adu.pdu) != 2:
-            raise Fault(f"{what}: {adu.pdu.hex(' ')} instead of {function | 0x80:02x} {code:02x}")
-        if adu.exception_code == code:
-            return
-        if adu.exception_code != self.own_code:
-            raise Fault(f"{what}: exception {adu.exception_code} instead of {code}")
-        self.own_codes.append(f"{adu.exception_code} instead of {code}")
-
     def not_served(self, heard: Heard, function: int, what: str) -> None:
         """Silence, or an exception with any code."""
         if not heard.data:
@@ -238,49 +244,57 @@ class Session:
     def ask(self, pdu: bytes, **how: object) -> Dialogue:
         return (yield Send(self.request(pdu), **how))
 
-    def value(self, register: int | None = None) -> Dialogue:
-        """The value of a register."""
-        self.needs(3)
-        register = self.profile.register if register is None else register
-        found = self.good((yield from self.ask(rtu.read_registers(register, 1))), "a read")
-        if len(found) != 4:  # the byte count is AP-1
-            raise Fault(f"a read of one register: {found.hex(' ')}")
-        return int.from_bytes(found[2:], "big")
+    def set(self, value: int, place: int | None = None, function: int | None = None) -> Dialogue:
+        pdu = self.write(value, place, function)
+        self.equal((yield from self.ask(pdu)), pdu[:5], "a write")
 
-    def set(self, value: int, register: int | None = None, function: int | None = None) -> Dialogue:
-        request = self.write(value, register, function)
-        self.equal((yield from self.ask(request)), request[:5], "a write")
-
-    def holds(self, value: int, what: str, register: int | None = None) -> Dialogue:
-        found = yield from self.value(register)
-        if found != value:
-            raise Fault(f"{what}: the register holds {found} instead of {value}")
-
-    def set_coils(self, bits: Sequence[bool], first: int | None = None) -> Dialogue:
-        """Writes coils, from the first one of the tests on."""
-        first = self.profile.coil if first is None else first
-        if 15 in self.profile.functions:
-            pdus = [rtu.write_coils(first, list(bits))]
+    def set_all(self, kind: Kind, values: Sequence[int], first: int | None = None) -> Dialogue:
+        """Writes all at once, or one by one where the slave cannot."""
+        first = self.first(kind) if first is None else first
+        if kind.several in self.profile.functions:
+            pdus = [WRITES[kind.several](first, list(values))]
         else:
-            self.needs(5)
-            pdus = [rtu.write_coil(first + n, bit) for n, bit in enumerate(bits)]
+            self.needs(kind.one)
+            pdus = [self.write(value, first + n, kind.one) for n, value in enumerate(values)]
         for pdu in pdus:
-            self.equal((yield from self.ask(pdu)), pdu[:5], "a write of coils")
+            self.equal((yield from self.ask(pdu)), pdu[:5], f"a write of {kind.name}s")
 
-    def coils_hold(self, bits: Sequence[bool], what: str, first: int | None = None) -> Dialogue:
-        """Reads all of these coils in one request."""
-        self.needs(1)
-        first = self.profile.coil if first is None else first
-        size = (len(bits) + 7) // 8
-        due = sum(bool(bit) << n for n, bit in enumerate(bits)).to_bytes(size, "little")
-        found = yield from self.ask(rtu.read_coils(first, len(bits)))
-        self.equal(found, bytes([1, size]) + due, f"01 {what}")
+    def hold(self, kind: Kind, values: Sequence[int], what: str, first: int | None = None) -> Dialogue:
+        """Reads all of them in one request."""
+        self.needs(kind.read)
+        first = self.first(kind) if first is None else first
+        due = bytes([kind.read]) + WRITES[kind.several](first, list(values))[5:]
+        found = self.good((yield from self.ask(read(kind.read, first, len(values)))), "a read")
+        if found == due:
+            return
+        if kind is REGISTER and len(found) == len(due) == 4:
+            held = int.from_bytes(found[2:], "big")
+            raise Fault(f"{what}: the register holds {held} instead of {values[0]}")
+        raise Fault(f"{kind.read:02} {what}: {found.hex(' ')} instead of {due.hex(' ')}")
+
+    def reads(self, function: int, first: int, count: int) -> Dialogue:
+        """One and several: the length, and 0 in the bits that nobody asked for."""
+        for n in {1, min(count, SEVERAL)}:
+            found = self.good((yield from self.ask(read(function, first, n))))
+            bits = function in (1, 2)
+            size = (n + 7) // 8 if bits else 2 * n
+            beyond = bits and int.from_bytes(found[2:], "little") >> n
+            if found[:2] != bytes([function, size]) or len(found) != 2 + size or beyond:
+                raise Fault(f"{function:02} of {n}: {found.hex(' ')}")
 
     def refused(self, pdu: bytes, code: int, what: str, silence: bool = False) -> Dialogue:
         """A request that must get an exception with this code. silence: no reply is right, too."""
         heard = yield from self.ask(pdu)
-        if heard.data or not silence:
-            self.exception(heard, pdu[0], code, what)
+        if silence and not heard.data:
+            return
+        adu = self._reply(heard, what)
+        if adu.function != pdu[0] | 0x80 or len(adu.pdu) != 2:
+            raise Fault(f"{what}: {adu.pdu.hex(' ')} instead of {pdu[0] | 0x80:02x} {code:02x}")
+        if adu.exception_code == code:
+            return
+        if adu.exception_code != self.own_code:
+            raise Fault(f"{what}: exception {adu.exception_code} instead of {code}")
+        self.own_codes.append(f"{adu.exception_code} instead of {code}")
 
     def serves(self, pdu: bytes) -> Dialogue:
         """Whether a request gets a normal reply and no exception."""
@@ -291,30 +305,32 @@ class Session:
         """A write that must not be obeyed: no reply comes, and the register keeps its value."""
         yield from self.set(self.profile.values[0])
         self.silent((yield send), what)
-        yield from self.holds(self.profile.values[0], what)
+        yield from self.hold(REGISTER, self.profile.values[:1], f"after {what}")
 
-    def refused_without_effect(self, pdu: bytes, code: int, what: str, silence: bool = False) -> Dialogue:
-        """A write that must get an exception with this code: the registers keep their values."""
-        kept = [pattern(n, self.profile.values) for n in range(min(2, self.profile.registers))]
-        first = self.profile.register
-        for n, value in enumerate(kept):
-            yield from self.set(value, first + n)
+    def refused_without_effect(
+        self, kind: Kind, pdu: bytes, code: int, what: str, silence: bool = False
+    ) -> Dialogue:
+        """A write that must get an exception with this code: nothing changes."""
+        most = 2 if kind is REGISTER else SEVERAL
+        kept = [pattern(n, self.pair(kind)) for n in range(min(most, self.count(kind)))]
+        yield from self.set_all(kind, kept)
         yield from self.refused(pdu, code, what, silence)
-        for n, value in enumerate(kept):
-            yield from self.holds(value, what, first + n)
-
-    def coils_without_effect(self, pdu: bytes, code: int, what: str, silence: bool = False) -> Dialogue:
-        """A write that must get an exception with this code: the coils keep their states."""
-        kept = [pattern(n, (True, False)) for n in range(min(SEVERAL, self.profile.coils))]
-        yield from self.set_coils(kept)
-        yield from self.refused(pdu, code, what, silence)
-        yield from self.coils_hold(kept, f"after {what}")
+        yield from self.hold(kind, kept, f"after {what}")
 
     def still_answers(self, what: str, **how: object) -> Dialogue:
         self.good((yield from self.ask(self.read, **how)), f"a good request after {what}")
 
 
 Dialogue = Generator[Send, Heard, object]
+
+
+def read(function: int, first: int, count: int) -> bytes:
+    """A read of registers, coils or inputs."""
+    return bytes([function]) + rtu.read_coils(first, count)[1:]
+
+
+def wrong_lengths(pdu: bytes) -> tuple[tuple[str, bytes], ...]:
+    return ("one byte too many", pdu + b"\0"), ("one byte too few", pdu[:-1])
 
 
 def pattern(place: int, pair: tuple) -> object:
@@ -338,12 +354,17 @@ class Case:
 CASES: list[Case] = []
 
 
-def case(number: str, page: str, needs: str = BYTES) -> Callable:
-    """The docstring of the dialogue: what is sent, what must come, and what must not, with bars between."""
+def case(number: str, page: str, needs: str = BYTES, kind: Kind | None = None) -> Callable:
+    """The docstring of the dialogue: what is sent, what must come, and what must not, with bars between.
 
-    def add(dialogue: Callable[[Session], Dialogue]) -> Callable:
-        sent, must, must_not = " ".join((dialogue.__doc__ or "- | - | -").split()).split(" | ")
-        CASES.append(Case(number, page, sent, must, must_not, needs, dialogue))
+    One dialogue may be a test of registers and another of coils: its docstring names the fields of `kind`.
+    """
+
+    def add(dialogue: Callable[..., Dialogue]) -> Callable:
+        text = " ".join((dialogue.__doc__ or "- | - | -").split())
+        words = text.format(**vars(kind)) if kind else text
+        of_kind = functools.partial(dialogue, k=kind) if kind else dialogue
+        CASES.append(Case(number, page, *words.split(" | "), needs, of_kind))
         return dialogue
 
     return add
@@ -376,13 +397,16 @@ def others_writes(s: Session) -> Dialogue:
     yield from s.without_effect(send, "a write for another unit")
 
 
-@case("SL-4", "SL 8")
-def broadcast_writes(s: Session) -> Dialogue:
-    """a broadcast write by 06, by 16 | the register changes | no change"""
-    for function in s.any_of(6, 16):
-        yield from s.set(s.profile.values[0])
-        yield Send(rtu.build(0, s.write(s.profile.values[1], function=function)))
-        yield from s.holds(s.profile.values[1], f"a broadcast of {function:02}")
+@case("SL-26", "SL 8", kind=COIL)
+@case("SL-4", "SL 8", kind=REGISTER)
+def broadcast_writes(s: Session, k: Kind) -> Dialogue:
+    """a broadcast write by {one:02}, by {several:02} | the {name} changes | no change"""
+    s.needs(k.read)
+    for old, new in [s.pair(k)] if k is REGISTER else ((False, True), (True, False)):
+        for function in s.any_of(k.one, k.several):
+            yield from s.set_all(k, [old])
+            yield Send(rtu.build(0, s.write(new, function=function)))
+            yield from s.hold(k, [new], f"after a broadcast of {function:02}")
 
 
 @case("SL-5", "SL 10")
@@ -404,12 +428,11 @@ def broadcast_is_silent(s: Session) -> Dialogue:
 def wrong_crc(s: Session) -> Dialogue:
     """a write with each kind of wrong CRC | silence; no change | a reply, a change"""
     good = s.request(s.write(s.profile.values[1]))
-    swapped = good[:-2] + good[:-3:-1]
     for what, bad in (
         ("a CRC with one wrong bit", good[:-1] + bytes([good[-1] ^ 0x80])),
         ("a CRC with a wrong low byte", good[:-2] + bytes([good[-2] ^ 1, good[-1]])),
         ("a CRC of 0", good[:-2] + b"\0\0"),
-        ("a CRC with swapped bytes", swapped),
+        ("a CRC with swapped bytes", good[:-2] + good[:-3:-1]),
         ("a damaged address", good[:3] + bytes([good[3] ^ 4]) + good[4:]),
         ("a damaged value", good[:-3] + bytes([good[-3] ^ 4]) + good[-2:]),
     ):
@@ -505,7 +528,7 @@ def pause_too_short(s: Session) -> Dialogue:
     pause = t35_bits(s) * short(s) * 2.5 / 3.5
     heard = yield Send(s.request(s.write(s.profile.values[1])), pause_bits=pause)
     s.silent(heard, f"a write {pause:.1f} bits after another frame")
-    yield from s.holds(s.profile.values[0], "a write after a pause that is too short")
+    yield from s.hold(REGISTER, s.profile.values[:1], "after a write after a pause that is too short")
 
 
 @case("SL-15", "SL 14", EDGES)
@@ -615,134 +638,65 @@ def after_own_reply(s: Session) -> Dialogue:
     yield from s.still_answers("its own reply", pause_bits=t35_bits(s) + 1)
 
 
-@case("SL-26", "SL 8")
-def broadcast_writes_coils(s: Session) -> Dialogue:
-    """a broadcast write by 05, by 15 | the coil changes | no change"""
-    s.needs(1)
-    for on in (True, False):
-        for function in s.any_of(5, 15):
-            yield from s.set_coils([not on])
-            yield Send(rtu.build(0, s.write_coil(on, function=function)))
-            yield from s.coils_hold([on], f"after a broadcast of {function:02}")
-
-
-# ---------------------------------------------------------------- application: registers
+# ---------------------------------------------------------------- application: reads
 
 
 @case("AP-1", "AP 15")
 def reads_registers(s: Session) -> Dialogue:
     """03 of one register and of several | a byte count of 2 N and N registers | another length"""
     s.needs(3)
-    for count in {1, min(s.profile.registers, SEVERAL)}:
-        found = s.good((yield from s.ask(rtu.read_registers(s.profile.register, count))))
-        if found[:2] != bytes([3, 2 * count]) or len(found) != 2 + 2 * count:
-            raise Fault(f"03 of {count} registers: {found.hex(' ')}")
-
-
-@case("AP-2", "AP 19")
-def writes_a_register(s: Session) -> Dialogue:
-    """06, then 03 | an echo of the request; the register holds the value | another reply"""
-    s.needs(3, 6)
-    for value in s.profile.values:
-        pdu = rtu.write_register(s.profile.register, value)
-        s.equal((yield from s.ask(pdu)), pdu, "06")
-        yield from s.holds(value, "after 06")
-
-
-@case("AP-3", "AP 30")
-def writes_registers(s: Session) -> Dialogue:
-    """16 of several registers, then 03 | function, address, quantity; all values | another reply"""
-    s.needs(3, 16)
-    first, count = s.profile.register, min(s.profile.registers, SEVERAL)
-    for turn in (s.profile.values, s.profile.values[::-1]):
-        values = [pattern(n, turn) for n in range(count)]
-        pdu = rtu.write_registers(first, values)
-        s.equal((yield from s.ask(pdu)), pdu[:5], "16")
-        words = b"".join(value.to_bytes(2, "big") for value in values)
-        found = yield from s.ask(rtu.read_registers(first, count))
-        s.equal(found, bytes([3, 2 * count]) + words, "03 after 16")
-
-
-@case("AP-4", "AP 15, 16")
-def read_quantity(s: Session) -> Dialogue:
-    """03 of 0 and of 126 registers | exception 3 | another code, silence"""
-    s.needs(3)
-    for count in (0, 126):
-        yield from s.refused(rtu.read_registers(s.profile.register, count), 3, f"03 of {count} registers")
-
-
-@case("AP-5", "AP 48")
-def read_address(s: Session) -> Dialogue:
-    """03 of a register that is not there, 03 beyond 65535 | exception 2 | another code, silence"""
-    s.needs(3)
-    for first, count in ((s.profile.no_register, 1), (0xFFFF, 2)):
-        yield from s.refused(rtu.read_registers(first, count), 2, f"03 of {first:04X}h")
-
-
-@case("AP-6", "AP 19, 48")
-def write_address(s: Session) -> Dialogue:
-    """06 and 16 to a register that is not there | exception 2 | another code, silence"""
-    for function in s.any_of(6, 16):
-        pdu = s.write(s.profile.values[0], s.profile.no_register, function)
-        yield from s.refused(pdu, 2, f"{function:02} to no register")
-
-
-@case("AP-7", "AP 30")
-def byte_count(s: Session) -> Dialogue:
-    """16 with a byte count that is not 2 N | exception 3; no change | another code, a change"""
-    s.needs(3, 16)
-    head, word = bytes([16]) + s.profile.register.to_bytes(2, "big"), s.profile.values[1].to_bytes(2, "big")
-    for count, words in ((1, 2), (2, 1)):
-        pdu = head + bytes([0, count, 2 * words]) + word * words
-        yield from s.refused_without_effect(pdu, 3, f"16 of {count} registers with {2 * words} bytes")
-
-
-@case("AP-8", "AP 30")
-def write_quantity(s: Session) -> Dialogue:
-    """16 of 0, 124 and 129 registers | exception 3 (124: or silence); no change | another code, a change"""
-    s.needs(3, 16)
-    head, word = bytes([16]) + s.profile.register.to_bytes(2, "big"), s.profile.values[1].to_bytes(2, "big")
-    yield from s.refused_without_effect(head + b"\0\0\0", 3, "16 of 0 registers")
-    # Such a frame has 257 bytes, and a slave may drop it for that.
-    pdu = head + bytes([0, 124, 248]) + word * 124
-    yield from s.refused_without_effect(pdu, 3, "16 of 124 registers", silence=True)
-    # The byte count of 129 registers, 258, is 2 in one byte.
-    yield from s.refused_without_effect(head + bytes([0, 129, 2]) + word, 3, "16 of 129 registers")
-
-
-# ---------------------------------------------------------------- application: coils
+    yield from s.reads(3, s.profile.register, s.profile.registers)
 
 
 @case("AP-9", "AP 11, 12")
 def reads_coils(s: Session) -> Dialogue:
     """01 of one coil and of ten | the byte count; the bits beyond are 0 | another length"""
     s.needs(1)
-    for count in {1, min(SEVERAL, s.profile.coils)}:
-        found, size = s.good((yield from s.ask(rtu.read_coils(s.profile.coil, count)))), (count + 7) // 8
-        if found[:2] != bytes([1, size]) or len(found) != 2 + size:
-            raise Fault(f"01 of {count} coils: {found.hex(' ')}")
-        if int.from_bytes(found[2:], "little") >> count:
-            raise Fault(f"01 of {count} coils: bits beyond are 1: {found.hex(' ')}")
+    yield from s.reads(1, s.profile.coil, s.profile.coils)
 
 
-@case("AP-10", "AP 17")
-def writes_a_coil(s: Session) -> Dialogue:
-    """05 ON and OFF, then 01 | echoes; the coil follows | another reply"""
-    s.needs(1, 5)
-    for on in (True, False):
-        pdu = rtu.write_coil(s.profile.coil, on)
-        s.equal((yield from s.ask(pdu)), pdu, "05")
-        s.equal((yield from s.ask(rtu.read_coils(s.profile.coil, 1))), bytes([1, 1, on]), "01 after 05")
+@case("AP-4", "AP 15, 16", kind=REGISTER)
+@case("AP-13", "AP 12", kind=COIL)
+def read_quantity(s: Session, k: Kind) -> Dialogue:
+    """{read:02} of 0 {name}s and of more than {most_read} | exception 3 | another code, silence"""
+    s.needs(k.read)
+    for count in (0, k.most_read + 1):
+        yield from s.refused(read(k.read, s.first(k), count), 3, f"{k.read:02} of {count} {k.name}s")
 
 
-@case("AP-11", "AP 17, 19")
-def coil_value(s: Session) -> Dialogue:
-    """05 with the value 1234h | exception 3; the coil keeps its state | another code, a change"""
-    s.needs(1, 5)
-    pdu = rtu.write_coil(s.profile.coil, True)
-    s.equal((yield from s.ask(pdu)), pdu, "05")
-    s.exception((yield from s.ask(pdu[:3] + b"\x12\x34")), 5, 3, "05 with 1234h")
-    s.equal((yield from s.ask(rtu.read_coils(s.profile.coil, 1))), bytes([1, 1, 1]), "01 after it")
+@case("AP-5", "AP 48", kind=REGISTER)
+@case("AP-14", "AP 12, 48", kind=COIL)
+def read_address(s: Session, k: Kind) -> Dialogue:
+    """{read:02} of a {name} that is not there, {read:02} beyond 65535 | exception 2 | another code,
+    silence"""
+    s.needs(k.read)
+    for first, count in ((s.none(k), 1), (0xFFFF, 2)):
+        yield from s.refused(read(k.read, first, count), 2, f"{k.read:02} of {first:04X}h")
+
+
+# ---------------------------------------------------------------- application: writes
+
+
+@case("AP-2", "AP 19", kind=REGISTER)
+@case("AP-10", "AP 17", kind=COIL)
+def writes_one(s: Session, k: Kind) -> Dialogue:
+    """{one:02} of two values, then {read:02} | an echo of the request; the {name} holds the value | another
+    reply"""
+    s.needs(k.read, k.one)
+    for value in s.pair(k):
+        pdu = s.write(value, function=k.one)
+        s.equal((yield from s.ask(pdu)), pdu, f"{k.one:02}")
+        yield from s.hold(k, [value], f"after {k.one:02}")
+
+
+@case("AP-3", "AP 30")
+def writes_registers(s: Session) -> Dialogue:
+    """16 of several registers, then 03 | function, address, quantity; all values | another reply"""
+    s.needs(3, 16)
+    for turn in (s.profile.values, s.profile.values[::-1]):
+        values = [pattern(n, turn) for n in range(min(s.profile.registers, SEVERAL))]
+        yield from s.set_all(REGISTER, values)
+        yield from s.hold(REGISTER, values, "after 16")
 
 
 @case("AP-12", "AP 29")
@@ -751,26 +705,61 @@ def writes_coils(s: Session) -> Dialogue:
     s.needs(1, 15)
     count = min(s.profile.coils, 3)
     for bits in ([True, False, True][:count], [False] * count):
-        pdu = rtu.write_coils(s.profile.coil, bits)
-        s.equal((yield from s.ask(pdu)), pdu[:5], "15")
-        due = sum(bit << n for n, bit in enumerate(bits))
-        s.equal((yield from s.ask(rtu.read_coils(s.profile.coil, count))), bytes([1, 1, due]), "01 after 15")
+        yield from s.set_all(COIL, bits)
+        yield from s.hold(COIL, bits, "after 15")
 
 
-@case("AP-13", "AP 12")
-def coil_quantity(s: Session) -> Dialogue:
-    """01 of 0 and of 2001 coils | exception 3 | another code, silence"""
-    s.needs(1)
-    for count in (0, 2001):
-        yield from s.refused(rtu.read_coils(s.profile.coil, count), 3, f"01 of {count} coils")
+@case("AP-6", "AP 19, 48", kind=REGISTER)
+@case("AP-32", "AP 17, 29, 48", kind=COIL)
+def write_address(s: Session, k: Kind) -> Dialogue:
+    """{one:02} and {several:02} to a {name} that is not there | exception 2 | another code, silence, an
+    echo"""
+    for function in s.any_of(k.one, k.several):
+        pdu = s.write(s.pair(k)[0], s.none(k), function)
+        yield from s.refused(pdu, 2, f"{function:02} to no {k.name}")
 
 
-@case("AP-14", "AP 12, 48")
-def coil_address(s: Session) -> Dialogue:
-    """01 of a coil that is not there, 01 beyond 65535 | exception 2 | another code, silence"""
-    s.needs(1)
-    for first, count in ((s.profile.no_coil, 1), (0xFFFF, 2)):
-        yield from s.refused(rtu.read_coils(first, count), 2, f"01 of {first:04X}h")
+@case("AP-7", "AP 30")
+def byte_count(s: Session) -> Dialogue:
+    """16 with a byte count that is not 2 N | exception 3; no change | another code, a change"""
+    s.needs(3, 16)
+    head, word = bytes([16]) + s.profile.register.to_bytes(2, "big"), s.profile.values[1].to_bytes(2, "big")
+    for count, words in ((1, 2), (2, 1)):
+        pdu, what = head + bytes([0, count, 2 * words]) + word * words, f"with {2 * words} bytes"
+        yield from s.refused_without_effect(REGISTER, pdu, 3, f"16 of {count} registers {what}")
+
+
+@case("AP-8", "AP 30")
+def write_quantity(s: Session) -> Dialogue:
+    """16 of 0, 124 and 129 registers | exception 3 (124: or silence); no change | another code, a change"""
+    s.needs(3, 16)
+    head, word = bytes([16]) + s.profile.register.to_bytes(2, "big"), s.profile.values[1].to_bytes(2, "big")
+    # A frame of 124 registers has 257 bytes, and a slave may drop it for that. Of 129 the byte count, 258, is
+    # 2 in one byte.
+    for count, data in ((0, b"\0"), (124, b"\xf8" + word * 124), (129, b"\2" + word)):
+        pdu, what = head + bytes([0, count]) + data, f"16 of {count} registers"
+        yield from s.refused_without_effect(REGISTER, pdu, 3, what, silence=count == 124)
+
+
+@case("AP-31", "AP 29")
+def write_coil_quantity(s: Session) -> Dialogue:
+    """15 of 0 and 1969 coils, 15 with a byte too many and too few for its coils | exception 3; no change |
+    another code, a change"""
+    s.needs(1, 15)
+    head = bytes([15]) + s.profile.coil.to_bytes(2, "big")
+    for count, size in ((0, 0), (COIL.most_written + 1, 247), (1, 2), (9, 1)):
+        pdu = head + count.to_bytes(2, "big") + bytes([size]) + bytes(size)
+        yield from s.refused_without_effect(COIL, pdu, 3, f"15 of {count} coils with {size} bytes")
+
+
+@case("AP-11", "AP 17, 19")
+def coil_value(s: Session) -> Dialogue:
+    """05 with the value 1234h | exception 3; the coil keeps its state | another code, a change"""
+    s.needs(1, 5)
+    pdu = s.write(True, function=5)
+    s.equal((yield from s.ask(pdu)), pdu, "05")
+    yield from s.refused(pdu[:3] + b"\x12\x34", 3, "05 with 1234h")
+    yield from s.hold(COIL, [True], "after it")
 
 
 # ---------------------------------------------------------------- application: functions
@@ -797,27 +786,38 @@ def reserved_functions(s: Session) -> Dialogue:
 def wrong_length(s: Session) -> Dialogue:
     """01 and 03 with one byte too many and too few | exception 3 or silence | a normal reply"""
     for function in s.any_of(1, 3):
-        pdu = (
-            rtu.read_registers(s.profile.register, 1) if function == 3 else rtu.read_coils(s.profile.coil, 1)
-        )
-        for what, wrong in (("too many", pdu + b"\0"), ("too few", pdu[:-1])):
-            yield from s.refused(wrong, 3, f"{function:02} with one byte {what}", silence=True)
+        first = s.profile.register if function == 3 else s.profile.coil
+        for what, wrong in wrong_lengths(read(function, first, 1)):
+            yield from s.refused(wrong, 3, f"{function:02} with {what}", silence=True)
             yield from s.still_answers("a wrong length")
+
+
+@case("AP-29", "AP 48", kind=REGISTER)
+@case("AP-30", "AP 48", kind=COIL)
+def wrong_length_of_writes(s: Session, k: Kind) -> Dialogue:
+    """{one:02} and {several:02} with one byte too many and too few | exception 3 or silence; no change | a
+    normal reply, a change"""
+    s.needs(k.read)
+    for function in s.any_of(k.one, k.several):
+        for what, wrong in wrong_lengths(s.write(s.pair(k)[1], function=function)):
+            yield from s.refused_without_effect(k, wrong, 3, f"{function:02} with {what}", silence=True)
 
 
 # ---------------------------------------------------------------- application: the right place and value
 
 
-@case("AP-18", "AP 15, 19, 30")
-def neighbours(s: Session) -> Dialogue:
-    """06 and 16 to two neighbours, 03 of each | each has its own value | the value of the other"""
-    s.needs(3)
-    s.needs_registers(2)
-    for function in s.any_of(6, 16):
-        for n, value in enumerate(s.profile.values):
-            yield from s.set(value, s.profile.register + n, function)
-        for n, value in enumerate(s.profile.values):
-            yield from s.holds(value, f"{function:02} of two neighbours", s.profile.register + n)
+@case("AP-18", "AP 15, 19, 30", kind=REGISTER)
+@case("AP-20", "AP 12, 17, 29", kind=COIL)
+def neighbours(s: Session, k: Kind) -> Dialogue:
+    """{one:02} and {several:02} to two neighbours, {read:02} of each | each has its own value | the value of
+    the other"""
+    s.needs(k.read)
+    s.needs_count(k, 2)
+    for function in s.any_of(k.one, k.several):
+        for n, value in enumerate(s.pair(k)):
+            yield from s.set(value, s.first(k) + n, function)
+        for n, value in enumerate(s.pair(k)):
+            yield from s.hold(k, [value], f"after {function:02} of two neighbours", s.first(k) + n)
 
 
 @case("AP-19", "AP 15, 19, 30")
@@ -830,20 +830,7 @@ def whole_values(s: Session) -> Dialogue:
     for function in s.any_of(6, 16):
         for value in large:
             yield from s.set(value, function=function)
-            yield from s.holds(value, f"after {function:02}")
-
-
-@case("AP-20", "AP 12, 17, 29")
-def neighbour_coils(s: Session) -> Dialogue:
-    """05 and 15 to two neighbours, 01 of each | each has its own state | the state of the other"""
-    s.needs(1)
-    s.needs_coils(2)
-    for function in s.any_of(5, 15):
-        for n, on in enumerate((True, False)):
-            pdu = s.write_coil(on, s.profile.coil + n, function)
-            s.equal((yield from s.ask(pdu)), pdu[:5], f"{function:02}")
-        for n, on in enumerate((True, False)):
-            yield from s.coils_hold([on], f"after {function:02} of two neighbours", s.profile.coil + n)
+            yield from s.hold(REGISTER, [value], f"after {function:02}")
 
 
 @case("AP-21", "AP 17, 29")
@@ -851,177 +838,88 @@ def other_coils(s: Session) -> Dialogue:
     """05 of one coil and 15 of two among others, 01 of all | the others keep their states | a change of the
     others"""
     s.needs(1)
-    s.needs_coils(4)
-    count, first = min(s.profile.coils, SEVERAL), s.profile.coil
+    s.needs_count(COIL, 4)
+    first = s.profile.coil
     for function in s.any_of(5, 15):
         for on in (True, False):
-            bits = [not on] * count
-            yield from s.set_coils(bits)
+            bits = [not on] * min(s.profile.coils, SEVERAL)
+            yield from s.set_all(COIL, bits)
             written = [on] if function == 5 else [on, on]
             pdu = rtu.write_coil(first + 1, on) if function == 5 else rtu.write_coils(first + 1, written)
             s.equal((yield from s.ask(pdu)), pdu[:5], f"{function:02}")
             bits[1 : 1 + len(written)] = written
-            yield from s.coils_hold(bits, f"after {function:02} among others")
+            yield from s.hold(COIL, bits, f"after {function:02} among others")
 
 
 @case("AP-22", "AP 12, 29")
 def more_than_a_byte(s: Session) -> Dialogue:
     """15 and 01 of ten coils, 01 from the second on | all coils | lost coils"""
     s.needs(1, 15)
-    s.needs_coils(9)
+    s.needs_count(COIL, 9)
     for pair in ((True, False), (False, True)):
         bits = [pattern(n, pair) for n in range(min(s.profile.coils, SEVERAL))]
-        yield from s.set_coils(bits)
-        yield from s.coils_hold(bits, "after 15")
-        yield from s.coils_hold(bits[1:], "from the second on", s.profile.coil + 1)
+        yield from s.set_all(COIL, bits)
+        yield from s.hold(COIL, bits, "after 15")
+        yield from s.hold(COIL, bits[1:], "from the second on", s.profile.coil + 1)
 
 
-@case("AP-23", "AP 15, 30")
-def most_registers(s: Session) -> Dialogue:
-    """16 of 123 registers, 03 of 125 | all values | an exception, other values"""
-    s.needs(3, 16)
-    most, written = MOST_READ[3], MOST_WRITTEN[16]
-    s.needs_registers(most)
-    values = [pattern(n, s.profile.values) for n in range(most)]
-    for first in (0, written):
-        pdu = rtu.write_registers(s.profile.register + first, values[first : first + written])
-        s.equal((yield from s.ask(pdu)), pdu[:5], "16 of 123 registers")
-    words = b"".join(value.to_bytes(2, "big") for value in values)
-    found = yield from s.ask(rtu.read_registers(s.profile.register, most))
-    s.equal(found, bytes([3, 2 * most]) + words, "03 of 125 registers")
-
-
-@case("AP-24", "AP 12, 29")
-def most_coils(s: Session) -> Dialogue:
-    """15 of 1968 coils, 01 of 2000 | all coils | an exception, other coils"""
-    s.needs(1, 15)
-    most, written = MOST_READ[1], MOST_WRITTEN[15]
-    s.needs_coils(most)
-    bits = [pattern(n, (True, False)) for n in range(most)]
-    for first in (0, written):
-        yield from s.set_coils(bits[first : first + written], s.profile.coil + first)
-    yield from s.coils_hold(bits, "of 2000 coils")
+@case("AP-23", "AP 15, 30", kind=REGISTER)
+@case("AP-24", "AP 12, 29", kind=COIL)
+def most(s: Session, k: Kind) -> Dialogue:
+    """{several:02} of {most_written} {name}s, {read:02} of {most_read} | all values | an exception, other
+    values"""
+    s.needs(k.read, k.several)
+    s.needs_count(k, k.most_read)
+    values = [pattern(n, s.pair(k)) for n in range(k.most_read)]
+    for at in (0, k.most_written):
+        yield from s.set_all(k, values[at : at + k.most_written], s.first(k) + at)
+    yield from s.hold(k, values, f"of {k.most_read} {k.name}s")
 
 
 # ---------------------------------------------------------------- application: the end of the map
 
 
-@case("AP-25", "AP 48")
-def read_across_the_end(s: Session) -> Dialogue:
-    """03 across the last register | exception 2 | a normal reply, another code"""
-    s.needs(3)
-    last = s.profile.no_register - 1
-    if not (yield from s.serves(rtu.read_registers(last, 1))):
-        raise Missing(f"{last:04X}h, the address before --no-register, is no register")
-    yield from s.refused(rtu.read_registers(last, 2), 2, "03 across the last register")
+@case("AP-25", "AP 48", kind=REGISTER)
+@case("AP-27", "AP 48", kind=COIL)
+def read_across_the_end(s: Session, k: Kind) -> Dialogue:
+    """{read:02} across the last {name} | exception 2 | a normal reply, another code"""
+    s.needs(k.read)
+    last = s.none(k) - 1
+    if not (yield from s.serves(read(k.read, last, 1))):
+        raise Missing(f"{last:04X}h, the address before --no-{k.name}, is no {k.name}")
+    yield from s.refused(read(k.read, last, 2), 2, f"{k.read:02} across the last {k.name}")
 
 
-@case("AP-26", "AP 48")
-def write_across_the_end(s: Session) -> Dialogue:
-    """16 across the last register | exception 2; no change | another code, a change"""
-    s.needs(3, 16)
-    p = s.profile
-    if p.no_register != p.register + p.registers:
-        raise Missing("--no-register does not follow the last register to write")
-    last = p.no_register - 1
-    yield from s.set(p.values[0], last)
-    pdu = rtu.write_registers(last, [p.values[1]] * 2)
-    yield from s.refused(pdu, 2, "16 across the last register")
-    yield from s.holds(p.values[0], "a refused 16 across the last register", last)
-
-
-@case("AP-27", "AP 48")
-def read_across_the_last_coil(s: Session) -> Dialogue:
-    """01 across the last coil | exception 2 | a normal reply, another code"""
-    s.needs(1)
-    last = s.profile.no_coil - 1
-    if not (yield from s.serves(rtu.read_coils(last, 1))):
-        raise Missing(f"{last:04X}h, the address before --no-coil, is no coil")
-    yield from s.refused(rtu.read_coils(last, 2), 2, "01 across the last coil")
-
-
-@case("AP-28", "AP 48")
-def write_across_the_last_coil(s: Session) -> Dialogue:
-    """15 across the last coil | exception 2; no change | another code, a change"""
-    s.needs(1, 15)
-    p = s.profile
-    if p.no_coil != p.coil + p.coils:
-        raise Missing("--no-coil does not follow the last coil to write")
-    last = p.no_coil - 1
-    yield from s.set_coils([False], last)
-    yield from s.refused(rtu.write_coils(last, [True, True]), 2, "15 across the last coil")
-    yield from s.coils_hold([False], "after a refused 15 across the last coil", last)
-
-
-# ---------------------------------------------------------------- application: wrong writes
-
-
-@case("AP-29", "AP 48")
-def wrong_length_of_writes(s: Session) -> Dialogue:
-    """06 and 16 with one byte too many and too few | exception 3 or silence; no change | a normal reply, a
-    change"""
-    s.needs(3)
-    for function in s.any_of(6, 16):
-        pdu = s.write(s.profile.values[1], function=function)
-        for what, wrong in (("too many", pdu + b"\0"), ("too few", pdu[:-1])):
-            yield from s.refused_without_effect(wrong, 3, f"{function:02} with one byte {what}", silence=True)
-
-
-@case("AP-30", "AP 48")
-def wrong_length_of_coil_writes(s: Session) -> Dialogue:
-    """05 and 15 with one byte too many and too few | exception 3 or silence; no change | a normal reply, a
-    change"""
-    s.needs(1)
-    for function in s.any_of(5, 15):
-        pdu = s.write_coil(False, function=function)
-        for what, wrong in (("too many", pdu + b"\0"), ("too few", pdu[:-1])):
-            yield from s.coils_without_effect(wrong, 3, f"{function:02} with one byte {what}", silence=True)
-
-
-@case("AP-31", "AP 29")
-def write_coil_quantity(s: Session) -> Dialogue:
-    """15 of 0 and 1969 coils, 15 with a byte too many and too few for its coils | exception 3; no change |
-    another code, a change"""
-    s.needs(1, 15)
-    head = bytes([15]) + s.profile.coil.to_bytes(2, "big")
-    for count, size in ((0, 0), (MOST_WRITTEN[15] + 1, 247), (1, 2), (9, 1)):
-        pdu = head + count.to_bytes(2, "big") + bytes([size]) + bytes(size)
-        yield from s.coils_without_effect(pdu, 3, f"15 of {count} coils with {size} bytes")
-
-
-@case("AP-32", "AP 17, 29, 48")
-def write_coil_address(s: Session) -> Dialogue:
-    """05 and 15 to a coil that is not there | exception 2 | another code, an echo"""
-    for function in s.any_of(5, 15):
-        pdu = s.write_coil(True, s.profile.no_coil, function)
-        yield from s.refused(pdu, 2, f"{function:02} to no coil")
+@case("AP-26", "AP 48", kind=REGISTER)
+@case("AP-28", "AP 48", kind=COIL)
+def write_across_the_end(s: Session, k: Kind) -> Dialogue:
+    """{several:02} across the last {name} | exception 2; no change | another code, a change"""
+    s.needs(k.read, k.several)
+    if s.none(k) != s.first(k) + s.count(k):
+        raise Missing(f"--no-{k.name} does not follow the last {k.name} to write")
+    last, what = s.none(k) - 1, f"{k.several:02} across the last {k.name}"
+    other, kept = s.pair(k)
+    yield from s.set_all(k, [kept], last)
+    yield from s.refused(WRITES[k.several](last, [other] * 2), 2, what)
+    yield from s.hold(k, [kept], f"after a refused {what}", last)
 
 
 # ---------------------------------------------------------------- application: inputs
-
-
-def read_inputs(function: int, first: int, count: int) -> bytes:
-    return bytes([function]) + rtu.read_coils(first, count)[1:]
 
 
 @case("AP-33", "AP 13, 16")
 def reads_inputs(s: Session) -> Dialogue:
     """02 and 04 of one input and of several | the byte count; 02: other bits are 0 | another length"""
     for function in s.any_of(2, 4):
-        for count in {1, min(s.profile.inputs, SEVERAL)}:
-            found = s.good((yield from s.ask(read_inputs(function, s.profile.input, count))))
-            size = 2 * count if function == 4 else (count + 7) // 8
-            bits = function == 2 and int.from_bytes(found[2:], "little") >> count
-            if found[:2] != bytes([function, size]) or len(found) != 2 + size or bits:
-                raise Fault(f"{function:02} of {count} inputs: {found.hex(' ')}")
+        yield from s.reads(function, s.profile.input, s.profile.inputs)
 
 
 @case("AP-34", "AP 13, 16")
 def input_quantity(s: Session) -> Dialogue:
     """02 of 0 and 2001 inputs, 04 of 0 and 126 | exception 3 | another code, silence"""
     for function in s.any_of(2, 4):
-        for count in (0, MOST_READ[function] + 1):
-            pdu = read_inputs(function, s.profile.input, count)
+        for count in (0, (COIL if function == 2 else REGISTER).most_read + 1):
+            pdu = read(function, s.profile.input, count)
             yield from s.refused(pdu, 3, f"{function:02} of {count} inputs")
 
 
@@ -1029,5 +927,7 @@ def input_quantity(s: Session) -> Dialogue:
 def input_address(s: Session) -> Dialogue:
     """02 and 04 of an input that is not there | exception 2 | another code, silence"""
     for function in s.any_of(2, 4):
-        pdu = read_inputs(function, s.profile.no_input, 1)
-        yield from s.refused(pdu, 2, f"{function:02} of no input")
+        yield from s.refused(read(function, s.profile.no_input, 1), 2, f"{function:02} of no input")
+
+
+CASES.sort(key=lambda one: (one.number[:2] == "AP", int(one.number[3:])))
