@@ -116,24 +116,18 @@ def modbus_rows(found: list[tuple[str, Piece]], words: Words) -> Iterator[Row]:
         yield Row(start, end, name, sender, said, bool(piece.fault), piece.data)
 
 
-class DriveLine(fc.Telegrams):
+def drive_rows(channel: str, drive: str, edges: Sequence[tuple[int, int]]) -> list[Row]:
     """The telegrams on a channel that carries both directions."""
-
-    def __init__(self, name: str, drive: str) -> None:
-        self.begin(drive)
-        self.name, self.rows = name, []
-
-    def annotate(self, name: str, ss: float, es: float, text: str) -> None:
+    line, rows = fc.Telegrams(drive), []
+    for heard in characters(edges, DRIVE_LINE):
+        line.character(heard)
+    line.end()
+    for name, start, end, text in line.found:
         kind = "frame" if name in fc.TELEGRAMS else "field" if name in fc.FIELDS else "warning"
         said = text.removeprefix("Request: ").removeprefix("Reply: ").removeprefix("Bad: ")
-        sender = SENDERS.get(name, "")
-        self.rows.append(Row(ss / TICKS_HZ, es / TICKS_HZ, self.name, sender, said, name == "bad", kind=kind))
-
-    def decode(self, edges: Sequence[tuple[int, int]]) -> list[Row]:
-        for heard in characters(edges, DRIVE_LINE):
-            self.character(heard)
-        self.end()
-        return self.rows
+        where = start / TICKS_HZ, end / TICKS_HZ, channel, SENDERS.get(name, "")
+        rows.append(Row(*where, said, name == "bad", kind=kind))
+    return rows
 
 
 def good(rows: Sequence[Row]) -> int:
@@ -184,7 +178,7 @@ class Channels:
         """Whether it is a drive line: the number of its good telegrams."""
         best = 0
         for invert in self.levels():
-            rows = DriveLine(name, self.drive).decode(self.edges(name, invert))
+            rows = drive_rows(name, self.drive, self.edges(name, invert))
             if (count := good(rows)) > best:
                 best, self.telegrams[name] = count, rows
                 self.notes[name] = f"FC protocol at 9600 8E1{', low when idle' * invert}"

@@ -5,6 +5,8 @@ Characters are those of capture.py, their times in any unit. Silences are in cha
 any rate.
 """
 
+import functools
+import operator
 from typing import NamedTuple
 
 from . import tables
@@ -36,9 +38,21 @@ def word_of(data):
     return int.from_bytes(data, "big")
 
 
+def signed(kind, raw):
+    """A transferred value of 32 bits by the type of its parameter; of an int16 only the lower half counts."""
+    bits = {"int16": 16, "int32": 32}.get(kind)
+    if bits is None:
+        return raw
+    return (raw & (1 << bits) - 1) - (raw >> bits - 1 & 1) * (1 << bits)
+
+
+def share(word):
+    """Reference and output frequency in percent."""
+    return 100 * signed("int16", word) / FULL_SCALE
+
+
 def percent(word):
-    signed = word - 0x10000 if word & 0x8000 else word
-    return "%.1f %%" % (100.0 * signed / FULL_SCALE)
+    return f"{share(word):.1f} %"
 
 
 def is_broadcast(adr):
@@ -55,131 +69,109 @@ def scaled(drive, pnu, raw):
     if pnu not in drive["parameters"]:
         return str(raw)
     _, kind, conversion, unit = drive["parameters"][pnu]
-    if kind == "int32" and raw >= 0x80000000:
-        raw -= 0x100000000
-    elif kind == "int16":
-        raw &= 0xFFFF
-        raw -= 0x10000 if raw >= 0x8000 else 0
+    raw = signed(kind, raw)
     text = str(raw)
     if -6 < conversion < 0:
-        text = "%.*f" % (-conversion, raw * 10.0**conversion)
+        text = f"{raw * 10.0**conversion:.{-conversion}f}"
     elif 0 < conversion < 6:
         text = str(raw * 10**conversion)
-    return text + " " + unit if unit else text
+    return f"{text} {unit}" if unit else text
 
 
 def bits_in_words(word, bits, drive):
     """The bits that say something, in words."""
-    said = []
-    for bit, only, zero, one in bits:
-        text = one if word >> bit & 1 else zero
-        if text and (only is None or only in drive["kinds"]):
-            said.append(text)
-    return ", ".join(said)
+    said = [(one if word >> bit & 1 else zero, only) for bit, only, zero, one in bits]
+    return ", ".join(text for text, only in said if text and (only is None or only in drive["kinds"]))
 
 
 class Meaning:
-    """The parts of a telegram: fields as (class, first byte, byte after the last, text), and its words.
+    """The parts of a telegram: fields as (name, first byte, byte after the last, text), and its words.
 
     `data` may be a cut telegram; then only whole fields are there. Lengths follow LGE, not the data.
     """
 
     def __init__(self, data, reply, drive):
-        self.fields = []
+        self.fields, self.words = [], ""
         self.fault = None  # why LGE fits no telegram
-        self.words = ""
         self._data, self._reply, self._drive = data, reply, drive
         self._add("stx", 0, 1, "STX")
         if len(data) < 2:
             return
         lge = data[1]
-        self._add("lge", 1, 2, "LGE %d" % lge)
-        self._address()
+        self._add("lge", 1, 2, f"LGE {lge}")
+        if len(data) > 2:
+            adr = data[2]
+            number = adr & (0x7F if adr & 0x80 else 0x1F)
+            who = "all" if is_broadcast(adr) else f"drive {number}"
+            self._add("adr", 2, 3, f"ADR {adr:02X}h: {who}")
         inside = lge - 2
         if lge < LGE_MIN:
-            self.fault = "LGE %d is below %d" % (lge, LGE_MIN)
-            return
-        if PROCESS < inside < AROUND_TEXT:
-            self.fault = "LGE %d fits no kind of telegram" % lge
-            return
-        parameter = self._parameter(inside) if inside >= AROUND_TEXT else ""
-        process = self._process(3 + inside - PROCESS)
-        self.words = "; ".join(part for part in (parameter, process) if part)
-        self._bcc(lge + 1)
+            self.fault = f"LGE {lge} is below {LGE_MIN}"
+        elif PROCESS < inside < AROUND_TEXT:
+            self.fault = f"LGE {lge} fits no kind of telegram"
+        else:
+            parameter = self._parameter(inside) if inside >= AROUND_TEXT else ""
+            process = self._process(3 + inside - PROCESS)
+            self.words = "; ".join(part for part in (parameter, process) if part)
+            self._bcc(lge + 1)
 
     def _add(self, name, first, after, text):
         if after <= len(self._data):
             self.fields.append((name, first, after, text))
 
-    def _address(self):
-        if len(self._data) < 3:
-            return
-        adr = self._data[2]
-        number = adr & (0x7F if adr & 0x80 else 0x1F)
-        who = "all" if is_broadcast(adr) else "drive %d" % number
-        self._add("adr", 2, 3, "ADR %02Xh: %s" % (adr, who))
-
     def _parameter(self, inside):
-        data, drive = self._data[3:], self._drive
-        if len(data) < 4:
+        data, drive = self._data, self._drive
+        if len(data) < 7:
             return ""
-        pke, ind = word_of(data[0:2]), word_of(data[2:4])
+        pke, ind = word_of(data[3:5]), word_of(data[5:7])
         ak, pnu = pke >> 12, pke & drive["pnu_mask"]
-        words = (tables.REPLY if self._reply else tables.REQUEST).get(ak, "unknown AK %d" % ak)
+        words = (tables.REPLY if self._reply else tables.REQUEST).get(ak, f"unknown AK {ak}")
         name = drive["parameters"].get(pnu, ("unknown",))[0]
-        self._add("pke", 3, 5, "PKE %04Xh: AK %d %s, PNU %d %s" % (pke, ak, words, pnu, name))
-        index = ind & 0xFF
-        self._add("ind", 5, 7, "IND %04Xh" % ind)
-        what = "%s %d %s" % (words, pnu, name) + (" [%d]" % index if index else "")
+        self._add("pke", 3, 5, f"PKE {pke:04X}h: AK {ak} {words}, PNU {pnu} {name}")
+        self._add("ind", 5, 7, f"IND {ind:04X}h")
+        what = f"{words} {pnu} {name}" + (f" [{ind & 0xFF}]" if ind & 0xFF else "")
         after = 3 + inside - PROCESS
-        is_text = ak == AK_TEXT and (self._reply or ind >> 8 == IND_TEXT_WRITE)
-        if is_text:
-            text = latin1(self._data[7:after])
-            self._add("text", 7, after, "Text '%s'" % text)
-            return "%s = '%s'" % (what, text)
+        if ak == AK_TEXT and (self._reply or ind >> 8 == IND_TEXT_WRITE):
+            text = latin1(data[7:after])
+            self._add("text", 7, after, f"Text '{text}'")
+            return f"{what} = '{text}'"
         if inside != PARAMETER:
-            self.fault = "LGE %d with AK %d" % (self._data[1], ak)
+            self.fault = f"LGE {data[1]} with AK {ak}"
             return what
-        value = word_of(self._data[7:11])
+        value = word_of(data[7:11])
         shown = scaled(drive, pnu, value)
         if self._reply and ak == AK_REFUSED:
-            shown = tables.FAULT.get(value & 0xFFFF, "fault %d" % (value & 0xFFFF))
-            what += ": " + shown
+            shown = tables.FAULT.get(value & 0xFFFF, f"fault {value & 0xFFFF}")
+            what += f": {shown}"
         elif ak in (0, AK_TEXT) or (ak == AK_READ and not self._reply):
             shown = "no value"
         else:
-            what += " = " + shown
-        self._add("pwe", 7, 11, "PWE %08Xh: %s" % (value, shown))
+            what += f" = {shown}"
+        self._add("pwe", 7, 11, f"PWE {value:08X}h: {shown}")
         return what
 
     def _process(self, at):
         if len(self._data) < at + PROCESS:
             return ""
         first, second = word_of(self._data[at : at + 2]), word_of(self._data[at + 2 : at + 4])
-        if self._reply:
-            names, bits = ("status", "frequency"), tables.STATUS
-        else:
-            names, bits = ("control", "reference"), tables.CONTROL
-        said = bits_in_words(first, bits, self._drive)
+        names = ("status", "frequency") if self._reply else ("control", "reference")
+        said = bits_in_words(first, tables.STATUS if self._reply else tables.CONTROL, self._drive)
         if not self._reply and not first & DATA_VALID:
             said = "ignored: data not valid"
-        word = "%s %04Xh" % (names[0], first) + (" (%s)" % said if said else "")
-        share = "%s %s" % (names[1], percent(second))
-        self._add("pcd1", at, at + 2, "PCD1 " + word)
-        self._add("pcd2", at + 2, at + 4, "PCD2 %04Xh: %s" % (second, share))
-        return word + ", " + share
+        word = f"{names[0]} {first:04X}h" + (f" ({said})" if said else "")
+        part = f"{names[1]} {percent(second)}"
+        self._add("pcd1", at, at + 2, f"PCD1 {word}")
+        self._add("pcd2", at + 2, at + 4, f"PCD2 {second:04X}h: {part}")
+        return f"{word}, {part}"
 
     def _bcc(self, at):
         if len(self._data) <= at:
             return
-        right = 0
-        for byte in self._data[:at]:
-            right ^= byte
-        bcc = self._data[at]
+        bcc, right = self._data[at], functools.reduce(operator.xor, self._data[:at])
         if bcc == right:
-            self._add("bcc-right", at, at + 1, "BCC %02Xh right" % bcc)
+            self._add("bcc-right", at, at + 1, f"BCC {bcc:02X}h right")
         else:
-            text = "BCC %02Xh, %02Xh would be right" % (bcc, right)
+            text = f"BCC {bcc:02X}h, {right:02X}h would be right"
             self.fault = self.fault or text
             self._add("bcc-wrong", at, at + 1, text)
 
@@ -204,11 +196,12 @@ def same_task(request, reply, drive):
 class Telegrams:
     """Finds the telegrams of one line, which carries both directions, in its characters.
 
-    A subclass takes what is found by `annotate(name, first, last, text)`: a field, a telegram or a warning.
+    `found`: name, begin, end and text of each field (of FIELDS), telegram (of TELEGRAMS) and warning.
     """
 
-    def begin(self, drive):
+    def __init__(self, drive):
         self.drive = DRIVES[drive]
+        self.found = []
         self.telegram = []  # under way
         self.outside = []  # characters outside of any telegram
         self.deaf = False  # after a bad telegram, up to the next silence (FC-8)
@@ -229,10 +222,8 @@ class Telegrams:
         if self.last and char.start - self.last.end > (GAP_MAX + TOLERANCE) * width(char):
             self.silence()
         if char.fault:
-            name = char.fault.replace(" ", "-")
-            self.annotate(
-                name, char.start, char.end, "%s error in %02Xh" % (char.fault.capitalize(), char.byte)
-            )
+            text = f"{char.fault.capitalize()} error in {char.byte:02X}h"
+            self.annotate("fault", char.start, char.end, text)
         self.last = char
         if self.telegram:
             self.telegram.append(char)
@@ -253,14 +244,17 @@ class Telegrams:
     def end_of_outside(self, name):
         """Characters outside of any telegram. After one that ended early they are its rest: it had a gap."""
         chars, self.outside = self.outside, []
-        shown = " ".join("%02X" % char.byte for char in chars)
+        shown = " ".join(f"{char.byte:02X}" for char in chars)
         text = "Phantom before STX: " if name == "phantom" else "No STX: "
         self.annotate(name, chars[0].start, chars[-1].end, text + shown)
         if name == "no-stx" and self.cut:
             gap = (chars[0].start - self.cut.end) / width(self.cut)
-            text = "Gap of %.1f characters in a telegram, at most 2" % gap
+            text = f"Gap of {gap:.1f} characters in a telegram, at most 2"
             self.annotate("gap", self.cut.end, chars[0].start, text)
         self.cut = None
+
+    def annotate(self, name, first, last, text):
+        self.found.append((name, first, last, text))
 
     # ------------------------------------------------------------ a telegram
     def is_reply(self, data, ss, length):
@@ -279,7 +273,7 @@ class Telegrams:
         ss, es, length = chars[0].start, chars[-1].end, width(chars[0])
         if self.last_end is not None and ss - self.last_end < (PAUSE_MIN - TOLERANCE) * length:
             pause = (ss - self.last_end) / length
-            text = "Pause of %.1f characters before a telegram, at least 2" % pause
+            text = f"Pause of {pause:.1f} characters before a telegram, at least 2"
             self.annotate("gap", self.last_end, ss, text)
         self.last_end = es
         reply = self.is_reply(data, ss, length)
@@ -301,23 +295,23 @@ class Telegrams:
             return
         self.no_reply()
         broadcast = is_broadcast(data[2])
-        self.annotate("request", ss, es, ("To all" if broadcast else "Request") + ": " + meaning.words)
+        self.annotate("request", ss, es, f"{'To all' if broadcast else 'Request'}: {meaning.words}")
         self.pending = None if broadcast else Request(data, ss, es)
 
     def faults(self, chars, meaning):
         """Why a telegram is bad, the first reason first; none for a good one."""
         there = len(chars)
-        found = ["%s wrong in byte %d" % (char.fault, at) for at, char in enumerate(chars, 1) if char.fault]
+        found = [f"{char.fault} wrong in byte {at}" for at, char in enumerate(chars, 1) if char.fault]
         whole = chars[1].byte + 2 if there > 1 else 0
         if there < 2:
             found.append("cut after STX")
         elif meaning.fault:
             found.append(meaning.fault)
         elif there < whole:
-            found.append("cut after %d of %d bytes" % (there, whole))
+            found.append(f"cut after {there} of {whole} bytes")
         took = (chars[-1].end - chars[0].start) / (there * width(chars[0]))
         if took > TIME_MAX * (1 + TOLERANCE / 10):
-            found.append("took %.2f times its nominal time, at most 1.5" % took)
+            found.append(f"took {took:.2f} times its nominal time, at most 1.5")
         return found
 
     def no_reply(self):

@@ -23,22 +23,9 @@ IS_300 = fc_telegram.build_parameter(2, 514, pwe=300, pcd1=0x0F03, pcd2=0x2000)
 BAD_BCC = STATUS[:-1] + b"\xa8"
 
 
-class Shown(fc.Telegrams):
-    def __init__(self, drive: str) -> None:
-        self.begin(drive)
-        self.all, self.fields, self.telegrams, self.warnings = [], {}, [], []
-
-    def annotate(self, name, ss, es, text):
-        self.all.append((name, ss, es))
-        if name in fc.FIELDS:
-            self.fields[name] = text
-        else:
-            (self.telegrams if name in fc.TELEGRAMS else self.warnings).append(text)
-
-
-def shown(*sent: tuple, drive: str = "vlt6000") -> Shown:
+def shown(*sent: tuple, drive: str = "vlt6000") -> fc.Telegrams:
     """Telegrams, each after characters of silence, with gaps before bytes and parity errors in bytes."""
-    line, now = Shown(drive), 0.0
+    line, now = fc.Telegrams(drive), 0.0
     for after, data, *flaws in sent:
         gaps, wrong = (*flaws, {}, ())[:2] if flaws else ({}, ())
         now += after
@@ -47,6 +34,8 @@ def shown(*sent: tuple, drive: str = "vlt6000") -> Shown:
             line.character(Heard(now, now + 1, byte, fault="parity" if at in wrong else ""))
             now += 1
     line.end()
+    texts = [(name in fc.TELEGRAMS, text) for name, _, _, text in line.found if name not in fc.FIELDS]
+    line.telegrams, line.warnings = ([text for of, text in texts if of is wanted] for wanted in (True, False))
     return line
 
 
@@ -184,5 +173,5 @@ def test_of_noise_no_character_is_lost():
         sent.append((after, data, {}, (rng.randrange(60),)))
         middles += [now + after + at + 0.5 for at in range(len(data))]
         now += after + len(data)
-    spans = [s for s in shown(*sent).all if s[0] in (*fc.TELEGRAMS, "phantom", "no-stx")]
-    assert [sum(ss < middle < es for _, ss, es in spans) for middle in middles] == [1] * len(middles)
+    spans = [s for s in shown(*sent).found if s[0] in (*fc.TELEGRAMS, "phantom", "no-stx")]
+    assert [sum(ss < middle < es for _, ss, es, _ in spans) for middle in middles] == [1] * len(middles)
