@@ -25,6 +25,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from .crc16 import crc_good
+from .line import Format
 from .problem import Problem
 
 FRAME_MIN, FRAME_MAX = 4, 256
@@ -43,11 +44,42 @@ class CaptureError(Problem):
     """Error for the user, in one line."""
 
 
-class SigrokFile:
+class Capture:
+    """A recording, `path` in messages. A subclass has `changes(name)`: seconds and level of each change."""
+
+    names: list[str]
+    sample_hz: float | None = None
+    least_samples = 0.0  # a bit
+
+    def __init__(self, path: Path) -> None:
+        self.path = path
+
+    def samples_a_bit(self, baud: int) -> float | None:
+        """None if a VCD file does not show its sample rate: few times, or whole bits of a simulation."""
+        samples = self.sample_hz and self.sample_hz / baud
+        return samples if samples and samples >= self.least_samples else None
+
+    def edges(self, name: str, hz: float, *, invert: bool = False) -> list[tuple[int, int]]:
+        """Each change of a channel, its time counted in a clock of `hz`; first the level at 0."""
+        if name not in self.names:
+            raise CaptureError(f"{self.path} has no channel {name}; there are: {', '.join(self.names)}")
+        return [(round(time * hz), level ^ invert) for time, level in self.changes(name)]
+
+    def only_channel(self) -> str:
+        """The channel that changes, if there is one alone."""
+        busy = [name for name in self.names if len(self.changes(name)) > 1]
+        if not busy:
+            raise CaptureError(f"{self.path}: no channel changes: nobody sends, or no probe is connected")
+        if len(busy) > 1:
+            raise CaptureError(f"{self.path}: name a channel; these change: {', '.join(busy)}")
+        return busy[0]
+
+
+class SigrokFile(Capture):
     """A sigrok session."""
 
     def __init__(self, path: Path) -> None:
-        self._path = path
+        super().__init__(path)
         try:
             with zipfile.ZipFile(path) as archive:
                 self._read_metadata(archive)
@@ -77,18 +109,15 @@ class SigrokFile:
         if not parts or any(bit >= 8 * self._unit for bit in self._bits.values()):
             raise ValueError
 
-    @property
-    def names(self) -> list[str]:
-        return list(self._bits)
+        self.names = list(self._bits)
 
     def changes(self, name: str) -> list[tuple[float, int]]:
-        """Seconds and level of each change."""
         byte, bit = divmod(self._bits[name], 8)
         levels = bytes(value >> bit & 1 for value in range(256))
         found: list[tuple[float, int]] = []
         first, level = 0, -1
         try:
-            with zipfile.ZipFile(self._path) as archive:
+            with zipfile.ZipFile(self.path) as archive:
                 for part in self._parts:
                     samples = archive.read(part)[byte :: self._unit].translate(levels)
                     at = 0
@@ -100,15 +129,17 @@ class SigrokFile:
                         found.append(((first + at) / self.sample_hz, level))
                     first += len(samples)
         except DAMAGED:
-            raise CaptureError(f"{self._path}: the recording is damaged") from None
+            raise CaptureError(f"{self.path}: the recording is damaged") from None
         return found
 
 
-class VcdFile:
+class VcdFile(Capture):
     """The one-bit signals of a VCD file. A level that is neither 0 nor 1 keeps the one before."""
 
+    least_samples = WHOLE_BITS
+
     def __init__(self, path: Path) -> None:
-        self.sample_hz: float | None = None
+        super().__init__(path)
         self._codes: dict[str, str] = {}  # by name
         self._changes: dict[str, list[tuple[float, int]]] = {}  # by code
         try:
@@ -116,6 +147,7 @@ class VcdFile:
             self._read_levels(words, self._read_header(words))
         except (*DAMAGED, IndexError, StopIteration):
             raise CaptureError(f"{path}: no readable VCD file") from None
+        self.names = list(self._codes)
 
     def _read_header(self, words: Iterator[str]) -> float:
         """Names the signals; returns the unit of time in s. Of two with one name the second has its scope."""
@@ -167,45 +199,8 @@ class VcdFile:
             first = min(moments)
             self.sample_hz = 1 / (math.gcd(*(moment - first for moment in moments)) * unit_s)
 
-    @property
-    def names(self) -> list[str]:
-        return list(self._codes)
-
     def changes(self, name: str) -> list[tuple[float, int]]:
         return self._changes[self._codes[name]]
-
-
-@dataclass(frozen=True)
-class Capture:
-    """A recording. `path` is for messages."""
-
-    path: Path
-    source: SigrokFile | VcdFile
-
-    @property
-    def names(self) -> list[str]:
-        return self.source.names
-
-    def samples_a_bit(self, baud: int) -> float | None:
-        """None if a VCD file does not show its sample rate: few times, or whole bits of a simulation."""
-        samples = self.source.sample_hz and self.source.sample_hz / baud
-        drawn = isinstance(self.source, VcdFile) and samples is not None and samples < WHOLE_BITS
-        return None if drawn else samples
-
-    def edges(self, name: str, hz: float, *, invert: bool = False) -> list[tuple[int, int]]:
-        """Each change of a channel, its time counted in a clock of `hz`; first the level at 0."""
-        if name not in self.names:
-            raise CaptureError(f"{self.path} has no channel {name}; there are: {', '.join(self.names)}")
-        return [(round(time * hz), level ^ invert) for time, level in self.source.changes(name)]
-
-    def only_channel(self) -> str:
-        """The channel that changes, if there is one alone."""
-        busy = [name for name in self.names if len(self.source.changes(name)) > 1]
-        if not busy:
-            raise CaptureError(f"{self.path}: no channel changes: nobody sends, or no probe is connected")
-        if len(busy) > 1:
-            raise CaptureError(f"{self.path}: name a channel; these change: {', '.join(busy)}")
-        return busy[0]
 
 
 def open_capture(path: Path) -> Capture:
@@ -215,9 +210,9 @@ def open_capture(path: Path) -> Capture:
     except OSError as error:
         raise CaptureError(f"{path}: {error.strerror}") from None
     if zipfile.is_zipfile(path) or start[:2] == b"PK":
-        return Capture(path, SigrokFile(path))
+        return SigrokFile(path)
     if start.lstrip()[:1] == b"$":
-        return Capture(path, VcdFile(path))
+        return VcdFile(path)
     raise CaptureError(f"{path} is no recording: neither a sigrok session (.sr) nor a VCD file")
 
 
@@ -237,13 +232,18 @@ class LineFormat:
         return self.clk_hz / self.baud
 
     @functools.cached_property
-    def parity(self) -> bool:
-        return self.form[1] != "N"
+    def fmt(self) -> Format:
+        return Format.named(self.baud, self.form)
+
+    @functools.cached_property
+    def parity(self) -> int:
+        """Bits of it in a character."""
+        return self.fmt.parity_bits
 
     @functools.cached_property
     def character_bits(self) -> int:
         """Length in bits of a sent character, start and stop bits included."""
-        return 1 + 8 + self.parity + int(self.form[2])
+        return self.fmt.bits
 
     @functools.cached_property
     def t15_bits(self) -> float:
@@ -258,15 +258,14 @@ class LineFormat:
     def t35_bits(self) -> float:
         return 1750e-6 * self.baud if self.baud > 19200 else 3.5 * self.character_bits
 
-    def parity_bit(self, byte: int) -> int:
-        return byte.bit_count() & 1 ^ (self.form[1] == "O")
-
     def levels(self, byte: int, flaw: str = "") -> list[int]:
         """Levels of a character, one for each bit. Flaws: `parity`, `stop` (the first stop bit is 0)."""
-        bits = [0, *(byte >> i & 1 for i in range(8))]
-        if self.parity:
-            bits.append(self.parity_bit(byte) ^ (flaw == "parity"))
-        return bits + [int(flaw != "stop")] + [1] * (int(self.form[2]) - 1)
+        bits = self.fmt.levels(byte)
+        if flaw == "stop":
+            bits[9 + self.parity] = 0
+        elif flaw and self.parity:
+            bits[9] ^= 1
+        return bits
 
 
 @dataclass(frozen=True)
@@ -311,7 +310,7 @@ def characters(edges: Sequence[tuple[int, int]], line: LineFormat) -> list[Heard
             continue
         byte = sum(bit << k for k, bit in enumerate(values[1:9]))
         fault = "stop bit" if not values[-1] else ""
-        if line.parity and values[9] != line.parity_bit(byte):
+        if line.parity and values[9] != line.fmt.parity_bit(byte):
             fault = fault or "parity"
         end = start + line.character_bits * line.bit
         slack = 0.0
