@@ -12,6 +12,7 @@ from __future__ import annotations
 
 import argparse
 import contextlib
+import functools
 import signal
 from collections.abc import Callable
 
@@ -29,21 +30,11 @@ from .card import (
     percent_word,
     status_in_words,
 )
-from .check_rows import (
-    ROWS,
-    Ask,
-    Row,
-    Unexpected,
-    done,
-    echo,
-    has_drive_timeout,
-    refusal,
-    registers,
-    words,
-)
+from .check_rows import ROWS, Ask, Row, Unexpected, done, echo, has_drive_timeout, refusal, registers, words
 from .commands import STOP_S, TURN_S, agreed
 from .crc16 import crc_good
 from .dialects import DIALECTS
+from .fc import percent
 from .port import LONGEST_FRAME, SLACK_S
 from .problem import DONE, FAILED, NoAnswer, Problem
 from .rtu import build, parse, read_coils, read_registers, write_coils, write_register, write_registers
@@ -57,9 +48,15 @@ POWER_UP = (1000, 15)  # 40002 and 40003 (MAP-5)
 PAGE_DIALECT = "docs/guide/dialects.md"
 SPEAKS = "the card speaks this dialect"
 OTHERS = "other addresses are silent"
-TIMES = (("PERF-1", "answers come after t3.5 and not late"), ("LINE-6", "no byte between the frames"))
-BOOT = ("BOOT-1", "off and on: the card starts, its values are those of power-up")
-MOTOR = (("FC-5", "the motor turns"), ("FC-5", "the motor stops by its ramp"))
+# Rows that are no table: rule, title, method, and the option that they need.
+OWN_ROWS = (
+    ("PERF-1", "answers come after t3.5 and not late", "turnaround", ""),
+    ("LINE-6", "no byte between the frames", "nothing_between", ""),
+    ("BOOT-1", "off and on: the card starts, its values are those of power-up", "boot", "boot"),
+    ("FC-5", "the motor turns", "motor_turns", "start"),
+    ("FC-5", "the motor stops by its ramp", "motor_stops", "start"),
+)
+TAKES = {"": "", "boot": "takes --boot yes", "start": "takes --drive yes --start 10"}
 
 
 def add_options(parser: argparse.ArgumentParser, number: Callable, yes_no: Callable) -> None:
@@ -76,7 +73,7 @@ def add_options(parser: argparse.ArgumentParser, number: Callable, yes_no: Calla
 
 
 def in_titles(text: str) -> str:
-    titles = (OTHERS, *(title for _, title in (*TIMES, BOOT, *MOTOR)), *(row.title for row in ROWS))
+    titles = (OTHERS, *(title for _, title, *_ in OWN_ROWS), *(row.title for row in ROWS))
     if not any(text.lower() in title.lower() for title in titles):
         raise argparse.ArgumentTypeError(f"no row has '{text}' in its title")
     return text
@@ -270,7 +267,7 @@ class Check:
         shown = status_in_words(status, self.card.drive)
         if not status & RUNNING or frequency == 0:
             raise Unexpected(f"{shown}, output frequency {frequency:04X}h")
-        return f"{shown}, output frequency {100 * frequency / 0x4000:.1f} %"
+        return f"{shown}, output frequency {percent(frequency)}"
 
     def motor_stops(self) -> str:
         began, shown = self.line.at, ""
@@ -309,32 +306,22 @@ class Check:
             return
         self.may_have_written = True
         for row in ROWS:
-            if self.card.dialect in row.dialects and self.chosen(row.title):
-                self.one_of_table(row)
-        for rule, title, ask in ((*TIMES[0], self.turnaround), (*TIMES[1], self.nothing_between)):
-            if self.chosen(title):
-                self.check(rule, title, ask)
-        self.asked_for(BOOT, self.args.boot, "takes --boot yes", self.boot)
-        takes = "takes --drive yes --start 10"
-        self.asked_for(MOTOR[0], self.args.start, takes, self.motor_turns)
-        self.asked_for(MOTOR[1], self.args.start, takes, self.motor_stops)
+            if self.card.dialect in row.dialects:
+                wanted = not row.needs or (row.needs == "drive") == self.args.with_drive
+                without = "for the bench, without a drive (--drive no)"
+                how = "needs a drive (--drive yes)" if row.needs == "drive" else without
+                self.asked_for(row.rule, row.title, wanted, how, functools.partial(self.table_row, row))
+        for rule, title, ask, option in OWN_ROWS:
+            wanted = not option or getattr(self.args, option)
+            self.asked_for(rule, title, wanted, TAKES[option], getattr(self, ask))
 
-    def one_of_table(self, row: Row) -> None:
-        missing = {"drive": not self.args.with_drive, "no drive": self.args.with_drive}.get(row.needs, False)
-        how = (
-            "needs a drive (--drive yes)"
-            if row.needs == "drive"
-            else "for the bench, without a drive (--drive no)"
-        )
-        self.asked_for((row.rule, row.title), not missing, how, lambda: self.table_row(row))
-
-    def asked_for(self, row: tuple[str, str], wanted: object, how: str, ask: Callable[[], str]) -> None:
-        if not self.chosen(row[1]):
+    def asked_for(self, rule: str, title: str, wanted: object, how: str, ask: Callable[[], str]) -> None:
+        if not self.chosen(title):
             return
         if wanted:
-            self.check(*row, ask)
+            self.check(rule, title, ask)
         else:
-            self.row(NOT_ASKED, *row, how)
+            self.row(NOT_ASKED, rule, title, how)
 
     def write_back(self) -> str:
         """Restores 40002 and 40003, clears index and coil 65; names what it could not write."""

@@ -16,7 +16,16 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import dataclass
 
-from .card import DRIVE_TIMEOUT, EEPROM, IND, INDEX, NETWORK_TIMEOUT, UNKNOWN_FUNCTION, status_in_words
+from .card import (
+    DRIVE_TIMEOUT,
+    EEPROM,
+    IND,
+    INDEX,
+    NETWORK_TIMEOUT,
+    TEXT_REGISTERS,
+    UNKNOWN_FUNCTION,
+    status_in_words,
+)
 from .dialects import DIALECTS, Dialect
 from .drives import DRIVES
 from .rtu import (
@@ -37,7 +46,6 @@ BUILT_IN = tuple(name for name in DIALECTS if name not in CARD)
 DIAGNOSED = tuple(name for name, one in DIALECTS.items() if "DIAGNOSTICS" in one.options)
 NOT_DIAGNOSED = tuple(name for name in DIALECTS if name not in DIAGNOSED)
 VALUES = (0x04D2, 0x0010)  # written to 40002 and 40003 and taken back
-TEXT_REGISTERS = 10
 
 # Takes the reply's PDU. Returns a remark to print, or raises Unexpected.
 Check = Callable[[bytes], str]
@@ -88,6 +96,12 @@ def done(pdu: bytes, **how: bool) -> Ask:
 
 def registers(*values: int) -> bytes:
     return bytes([3, 2 * len(values)]) + b"".join(value.to_bytes(2, "big") for value in values)
+
+
+def kept(first: int, *values: int) -> tuple[Ask, Ask]:
+    """A write of registers that is carried out, by 06 if it is one; then they are read."""
+    write = write_registers(first, list(values)) if len(values) > 1 else write_register(first, *values)
+    return done(write), Ask(read_registers(first, len(values)), registers(*values))
 
 
 def coil_65(on: bool) -> Ask:
@@ -180,28 +194,25 @@ def has_identification(reply: bytes) -> str:
 
 # ---------------------------------------------------------------- rows
 TEXT_READS = bytes.fromhex("10 0000 0001 02 0400")  # IND = 0400h: function 03 reads texts (MAP-8)
+IDENTIFICATION = bytes.fromhex("2B 0E 01 00")
 
 
 def diagnostic(sub: int, value: int = 0) -> bytes:
     return bytes([8]) + sub.to_bytes(2, "big") + value.to_bytes(2, "big")
 
 
+def diagnosed(title: str, *asks: Ask) -> Row:
+    return Row("MAP-10", title, asks, dialects=DIAGNOSED)
+
+
 def index_rows() -> tuple[Row, ...]:
     """The index register is 40001 or 40009, by dialect."""
     places = ((IND, "40001", CARD), (INDEX, "40009", BUILT_IN))
     return tuple(
-        Row(
-            "MAP-5",
-            f"{name} holds the index that is written",
-            (
-                done(write_register(at, 0x0007)),
-                Ask(read_registers(at, 1), registers(7)),
-                done(write_register(at, 0)),
-            ),
-            dialects=dialects,
-        )
+        Row("MAP-5", f"{name} holds the index that is written",
+            (*kept(at, 7), done(write_register(at, 0))), dialects=dialects)
         for at, name, dialects in places
-    )
+    )  # fmt: skip
 
 
 def no_drive_rows() -> tuple[Row, ...]:
@@ -251,22 +262,8 @@ ROWS: tuple[Row, ...] = (
     # Functions, on what the card itself holds: no telegram goes to the drive.
     Row("MAP-2", "05 sets and clears coil 65", sets_and_clears(by_05)),
     Row("MAP-2", "0F sets and clears coil 65", sets_and_clears(lambda on: write_coils(EEPROM, [on]))),
-    Row(
-        "MAP-5",
-        "06 writes 40002, 03 reads it",
-        (
-            done(write_register(NETWORK_TIMEOUT, VALUES[0])),
-            Ask(read_registers(NETWORK_TIMEOUT, 1), registers(VALUES[0])),
-        ),
-    ),
-    Row(
-        "MAP-5",
-        "10 writes 40002 and 40003, 03 reads both",
-        (
-            done(write_registers(NETWORK_TIMEOUT, list(VALUES))),
-            Ask(read_registers(NETWORK_TIMEOUT, 2), registers(*VALUES)),
-        ),
-    ),
+    Row("MAP-5", "06 writes 40002, 03 reads it", kept(NETWORK_TIMEOUT, VALUES[0])),
+    Row("MAP-5", "10 writes 40002 and 40003, 03 reads both", kept(NETWORK_TIMEOUT, *VALUES)),
     *index_rows(),
     # Exceptions, in the order of their checks.
     Row("EXC", "unknown function", (Ask(bytes([UNKNOWN_FUNCTION]), "function"),)),
@@ -302,41 +299,26 @@ ROWS: tuple[Row, ...] = (
         (Ask(bytes([0x10]) + bytes(296), None), Ask(read_registers(DRIVE_TIMEOUT, 1), has_drive_timeout)),
     ),
     # Diagnostics. The counts are of the asks in this row, so a frame of somebody else's is a cross.
-    Row(
-        "MAP-10", "08/0 returns its data", (Ask(diagnostic(0, 0xA55A), diagnostic(0, 0xA55A)),), "", DIAGNOSED
-    ),
-    Row(
-        "MAP-10",
+    diagnosed("08/0 returns its data", Ask(diagnostic(0, 0xA55A), diagnostic(0, 0xA55A))),
+    diagnosed(
         "08/10 clears, 08/2 and 08/11-14 and 0B count exactly",
-        (
-            Ask(diagnostic(10), diagnostic(10)),
-            Ask(diagnostic(14), diagnostic(14, 1)),
-            Ask(write_coil(EEPROM, True), None, wrong_crc=True),
-            Ask(diagnostic(12), diagnostic(12, 1)),
-            Ask(diagnostic(2), diagnostic(2, 1)),
-            Ask(bytes([UNKNOWN_FUNCTION]), "function"),
-            Ask(diagnostic(13), diagnostic(13, 1)),
-            Ask(bytes([0x0B]), bytes.fromhex("0B 0000 0004")),
-            Ask(diagnostic(11), diagnostic(11, 7)),
-        ),
-        "",
-        DIAGNOSED,
+        Ask(diagnostic(10), diagnostic(10)),
+        Ask(diagnostic(14), diagnostic(14, 1)),
+        Ask(write_coil(EEPROM, True), None, wrong_crc=True),
+        Ask(diagnostic(12), diagnostic(12, 1)),
+        Ask(diagnostic(2), diagnostic(2, 1)),
+        Ask(bytes([UNKNOWN_FUNCTION]), "function"),
+        Ask(diagnostic(13), diagnostic(13, 1)),
+        Ask(bytes([0x0B]), bytes.fromhex("0B 0000 0004")),
+        Ask(diagnostic(11), diagnostic(11, 7)),
     ),
-    Row("MAP-10", "08/99 is unknown", (Ask(diagnostic(99), "function"),), "", DIAGNOSED),
-    Row("MAP-10", "11 names the card and its version", (Ask(bytes([0x11]), has_server_id),), "", DIAGNOSED),
-    Row(
-        "MAP-10",
-        "2B/0E lists vendor, product, version",
-        (Ask(bytes.fromhex("2B 0E 01 00"), has_identification),),
-        "",
-        DIAGNOSED,
-    ),
+    diagnosed("08/99 is unknown", Ask(diagnostic(99), "function")),
+    diagnosed("11 names the card and its version", Ask(bytes([0x11]), has_server_id)),
+    diagnosed("2B/0E lists vendor, product, version", Ask(IDENTIFICATION, has_identification)),
     Row(
         "MAP-10",
         "08, 0B, 11 and 2B/0E are unknown in this dialect",
-        tuple(
-            Ask(pdu, "function") for pdu in (diagnostic(0), b"\x0b", b"\x11", bytes.fromhex("2B 0E 01 00"))
-        ),
+        tuple(Ask(pdu, "function") for pdu in (diagnostic(0), b"\x0b", b"\x11", IDENTIFICATION)),
         "",
         NOT_DIAGNOSED,
     ),
