@@ -33,7 +33,6 @@ UNKNOWN_FUNCTION = 0x41
 ANSWER_S = 1.5  # a reply is waited for so long at least
 EXCHANGE_S = 0.3  # both frames and the computer, beside the waits for the drive
 TICK_S = 0.01  # unit of 40003
-FULL_SPEED = 0x4000  # 100 %
 # Control words: examples 1 and 2 of the manual; coast with start = 0; the change of bit 7 is the reset.
 START, RAMP_STOP, COAST, RESET = 0x047C, 0x043C, 0x0434, 0x04BC
 START_BIT, VALID_BIT, TRIP, RUNNING = 0x0040, 0x0400, 0x0008, 0x0800
@@ -42,7 +41,6 @@ TYPE_MISMATCH = 5
 MOST_NAMES = 12  # of an ambiguous one
 SIZES = {"uint8": (0, 0xFF), "int16": (-0x8000, 0x7FFF), "uint16": (0, 0xFFFF)}
 SIZES |= {"int32": (-0x80000000, 0x7FFFFFFF), "uint32": (0, 0xFFFFFFFF)}
-MEANING = {255: " (no answer from the drive)"}
 SILENT, NO_ANSWER_PAGE = "no answer", "docs/guide/debugging.md, No answer"
 # Printed when a drive is silent, and its owner may be about to open it.
 OUTSIDE_ONLY = (
@@ -108,12 +106,11 @@ def raw_of(one: Parameter, text: str) -> int:
 
 
 def percent_word(share: float) -> int:
-    return int(FULL_SPEED * share / 100) & 0xFFFF  # 40 % is 1999h, as in the manual's example 1
+    return int(fc.FULL_SCALE * share / 100) & 0xFFFF  # 40 % is 1999h, as in the manual's example 1
 
 
 def control_in_words(word: int, drive: str) -> str:
-    said = fc.bits_in_words(word, tables.CONTROL, DRIVES[drive])
-    return f"control word {word:04X}h ({said})"
+    return f"control word {word:04X}h ({fc.bits_in_words(word, tables.CONTROL, DRIVES[drive])})"
 
 
 def status_in_words(word: int, drive: str) -> str:
@@ -164,7 +161,8 @@ class Card:
         if adu.address != self.unit:
             return f"unit {adu.address} answers"
         if adu.is_exception:
-            return f"exception {adu.exception_code}{MEANING.get(adu.exception_code, '')}"
+            silent = " (no answer from the drive)" if adu.exception_code == 255 else ""
+            return f"exception {adu.exception_code}{silent}"
         return adu.pdu.hex(" ")
 
     def reply(self, frame: bytes) -> bytes:
@@ -269,18 +267,13 @@ class Card:
             raise NoAnswer(f"{reply.hex(' ')} is no reply of {count} registers")
         return reply[2:]
 
-    def set_coils(self, first: int, count: int, value: int) -> None:
-        self.ask(write_coils(first, [bool(value >> bit & 1) for bit in range(count)]))
-
     # ------------------------------------------------------------ the motor
 
     def control(self, word: int, reference: int | None = None) -> None:
         """Writes the control word, and the reference too if it is given, in one telegram."""
         self.motor_may_turn = True  # until the answer: a stop may be lost
-        if reference is None:
-            self.set_coils(0, 16, word)
-        else:
-            self.set_coils(0, 32, word | reference << 16)
+        count, value = (16, word) if reference is None else (32, word | reference << 16)
+        self.ask(write_coils(0, [bool(value >> bit & 1) for bit in range(count)]))
         self.motor_may_turn = bool(word & START_BIT)
 
     def process_words(self) -> tuple[int, int]:
@@ -316,9 +309,7 @@ class Card:
             if refused.number == TYPE_MISMATCH and not one.type:
                 return self._read_text(one)
             raise
-        low, high = SIZES.get(one.type, (0, 0))
-        bits = 16 if high <= 0x7FFF else 32
-        return (raw & (1 << bits) - 1 ^ 1 << bits - 1) - (1 << bits - 1) if low < 0 else raw
+        return fc.signed(one.type, raw)
 
     def _read_text(self, one: Parameter) -> str:
         by_size = DIALECTS[self.dialect].text_by_size
@@ -340,10 +331,7 @@ class Card:
         raw = raw_of(one, text)
         double = one.type in ("int32", "uint32") or not -0x8000 <= raw <= 0xFFFF
         with self._indexed(one.index):
-            if double:
-                self.ask(write_registers(register, [raw >> 16 & 0xFFFF, raw & 0xFFFF]))
-            else:
-                self.ask(write_register(register, raw & 0xFFFF))
+            self.ask(write_registers(register, [raw >> 16, raw]) if double else write_register(register, raw))
 
     @contextlib.contextmanager
     def storing(self) -> Iterator[None]:

@@ -62,18 +62,18 @@ def one_of(values: tuple, what: str) -> Callable[[str], object]:
     return read
 
 
-def seconds(text: str) -> float:
-    with contextlib.suppress(ValueError):
-        if 0 < (value := float(text.replace(",", "."))) < 1e9:
-            return value
-    raise argparse.ArgumentTypeError(f"seconds are above 0, not '{text}'")
+def decimal(fits: Callable[[float], bool], what: str) -> Callable[[str], float]:
+    def read(text: str) -> float:
+        with contextlib.suppress(ValueError):
+            if fits(value := float(text.replace(",", "."))):
+                return value
+        raise argparse.ArgumentTypeError(f"{what}, not '{text}'")
+
+    return read
 
 
-def percent(text: str) -> float:
-    with contextlib.suppress(ValueError):
-        if -199 <= (value := float(text.replace(",", "."))) <= 199:
-            return value
-    raise argparse.ArgumentTypeError(f"the reference is -199 to 199 %, not '{text}'")
+seconds = decimal(lambda value: 0 < value < 1e9, "seconds are above 0")
+percent = decimal(lambda value: -199 <= value <= 199, "the reference is -199 to 199 %")
 
 
 def output(text: str) -> Path:
@@ -119,9 +119,8 @@ def slave_options() -> argparse.ArgumentParser:
 def card_options(slave: argparse.ArgumentParser) -> argparse.ArgumentParser:
     """Of every command that talks to a card."""
     parser = argparse.ArgumentParser(add_help=False, parents=[slave])
-    parser.add_argument(
-        "--dialect", type=dialect, default="auto", help=f"{', '.join(DIALECTS)}; default: auto"
-    )
+    names = f"{', '.join(DIALECTS)}; default: auto"
+    parser.add_argument("--dialect", type=dialect, default="auto", help=names)
     drive_option(parser)
     return parser
 
@@ -140,22 +139,14 @@ def build() -> argparse.ArgumentParser:
     every, slave = parser.add_subparsers(dest="command", metavar="COMMAND", required=True), slave_options()
     line = card_options(slave)
 
-    def add(
-        name: str, run: Callable, text: str, *parents: argparse.ArgumentParser
-    ) -> argparse.ArgumentParser:
-        one = every.add_parser(
-            name, help=text, description=text, parents=[*parents, shared], allow_abbrev=False
-        )
-        one.set_defaults(run=partial(on_line, run) if line in parents else run)
+    def add(name: str, run: Callable, text: str, *of: argparse.ArgumentParser) -> argparse.ArgumentParser:
+        one = every.add_parser(name, help=text, description=text, parents=[*of, shared], allow_abbrev=False)
+        one.set_defaults(run=partial(on_line, run) if line in of else run)
         return one
 
     add("ports", commands.ports, "the serial ports of this computer")
-    add(
-        "status",
-        commands.status,
-        "control and status word in words, reference, output frequency, alarms",
-        line,
-    )
+    said = "control and status word in words, reference, output frequency, alarms"
+    add("status", commands.status, said, line)
 
     for name, run, text in (
         ("start", commands.start, "starts the motor, after a question"),
@@ -177,14 +168,8 @@ def build() -> argparse.ArgumentParser:
     one = add("watch", watch.watch, "parameters again and again: table, CSV, plot", line)
     one.add_argument("parameters", nargs="+", metavar="PARAMETER", help="number, part of the name, or 615[2]")
     one.add_argument("--every", type=seconds, default=1.0, metavar="S", help="seconds; default: 1")
-    one.add_argument(
-        "--for",
-        dest="seconds",
-        type=seconds,
-        default=float("inf"),
-        metavar="S",
-        help="ends after so many seconds",
-    )
+    ever = float("inf")
+    one.add_argument("--for", dest="seconds", type=seconds, default=ever, metavar="S", help="and then ends")
     one.add_argument("--csv", type=Path, metavar="FILE", help="log of all values")
     one.add_argument("--plot", type=output, metavar="FILE.svg", help="picture of all values, at the end")
     one = add("parameters", commands.table, "the table of a drive's parameters, without a port")
@@ -234,20 +219,16 @@ def opened(args: argparse.Namespace) -> Line:
 def graded(args: argparse.Namespace, screen: Screen) -> int:
     """Any slave, so without the dialects of the card."""
     grade.profile_of(args)  # a wrong option comes before a wrong port
-    commands.agreed(
-        args, f"the tests write coils and registers of unit {args.unit}: a motor behind it may start"
-    )
+    what = f"the tests write coils and registers of unit {args.unit}: a motor behind it may start"
+    commands.agreed(args, what)
     behind = f"A motor behind unit {args.unit} may turn. To stop it: {stop_command(args)}"
     with contextlib.closing(opened(args)) as line:
-        try:
-            code = grade.run(args, screen, line)
-        except NoAnswer:  # before the first test: nothing was written
-            raise
-        except BaseException:
-            screen.motor = behind
-            raise
         screen.motor = behind
-        return code
+        try:
+            return grade.run(args, screen, line)
+        except NoAnswer:  # before the first test: nothing was written
+            screen.motor = ""
+            raise
 
 
 def on_line(run: Callable, args: argparse.Namespace, screen: Screen) -> int:

@@ -94,10 +94,10 @@ def status(args: argparse.Namespace, screen: Screen, card: Card) -> int:
         "dialect": card.dialect,
         "drive": card.drive,
         "control_word": control,
-        "reference_percent": _share(reference),
+        "reference_percent": round(fc.share(reference), 2),
         "status_word": word,
         "status": fc.bits_in_words(word, tables.STATUS, DRIVES[card.drive]).split(", "),
-        "output_frequency_percent": _share(frequency),
+        "output_frequency_percent": round(fc.share(frequency), 2),
         "alarms": alarms,
     }
     screen.say(f"unit {card.unit}, dialect {card.dialect}, words of {card.drive}")
@@ -108,10 +108,6 @@ def status(args: argparse.Namespace, screen: Screen, card: Card) -> int:
     for name, raw in alarms.items():
         screen.say(f"  {name} = {f'{raw:08X}h' if 'word' in name.lower() else raw}")
     return DONE
-
-
-def _share(word: int) -> float:
-    return round(100 * (word - 0x10000 if word & 0x8000 else word) / 0x4000, 2)
 
 
 # ---------------------------------------------------------------- the motor
@@ -137,7 +133,7 @@ def agreed(args: argparse.Namespace, what: str) -> None:
 
 def _state(screen: Screen, card: Card) -> tuple[int, int]:
     word, frequency = card.process_words()
-    screen.result |= {"status_word": word, "output_frequency_percent": _share(frequency)}
+    screen.result |= {"status_word": word, "output_frequency_percent": round(fc.share(frequency), 2)}
     return word, frequency
 
 

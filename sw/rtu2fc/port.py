@@ -13,7 +13,6 @@ import sys
 import time
 from collections.abc import Callable, Iterator
 from pathlib import Path
-from typing import Protocol
 
 import serial
 from serial.tools import list_ports
@@ -37,18 +36,6 @@ def written(file: object) -> Iterator[None]:
         raise Problem(f"{file}: {error.strerror}") from None
 
 
-class Port(Protocol):
-    """Bytes out and in."""
-
-    name: str
-
-    def write(self, data: bytes) -> None: ...
-
-    def read(self, seconds: float) -> bytes: ...
-
-    def close(self) -> None: ...
-
-
 def known_ports() -> list[tuple[str, str]]:
     """Name and description of each serial port of this computer."""
     found = list_ports.comports()
@@ -66,12 +53,6 @@ class SerialPort:
             )
         except Exception as error:  # pyserial lets errors of the system through, some of them no OSError
             raise _refused(error, name, baud, form) from None
-
-    def __enter__(self) -> SerialPort:
-        return self
-
-    def __exit__(self, *_: object) -> None:
-        self.close()
 
     def close(self) -> None:
         self._port.close()
@@ -141,10 +122,11 @@ def complete(answer: bytes) -> bool:
 class Line:
     """Frames out, and the answer or silence back. `record`: all bytes and their times go into this file.
 
+    `port`: a SerialPort, or anything with its name and its write, read and close.
     `at`: time of the line at the end of the last exchange, from its start on.
     """
 
-    def __init__(self, port: Port, baud: int, form: str, record: Path | None = None) -> None:
+    def __init__(self, port: SerialPort, baud: int, form: str, record: Path | None = None) -> None:
         self.port, self.name, self.baud, self.form = port, port.name, baud, form
         bits = 9 + (form[1] != "N") + int(form[2])
         self.character_s = bits / baud

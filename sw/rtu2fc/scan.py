@@ -125,11 +125,7 @@ def scan(args: argparse.Namespace, screen: Screen) -> int:
             if args.all or not scan.found:
                 scan.ask(baud, form, units)
     if not scan.found:
-        raise NoAnswer(
-            "nobody answers at any rate, format and unit",
-            OUTSIDE_ONLY,
-            f"Read: {NO_ANSWER_PAGE}",
-        )
+        raise NoAnswer("nobody answers at any rate, format and unit", OUTSIDE_ONLY, f"Read: {NO_ANSWER_PAGE}")
     answers = [one for one in scan.found if not one["heard"]]
     if answers:
         one = answers[0]

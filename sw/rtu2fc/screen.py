@@ -31,7 +31,8 @@ class Screen:
             if hasattr(stream, "reconfigure"):  # an old code page of Windows has no tick
                 stream.reconfigure(errors="replace")
         self.console = Output(highlight=False, markup=False, soft_wrap=True, emoji=False)
-        self.fancy = _has(TICK)
+        encoding = sys.stdout.encoding or "ascii"
+        self.fancy = TICK.encode(encoding, "replace").decode(encoding) == TICK
 
     def mark(self, mark: str) -> str:
         return mark if self.fancy else {TICK: "ok", CROSS: "NO"}.get(mark, mark)
@@ -65,11 +66,3 @@ class Screen:
     def finish(self, code: int) -> None:
         if self.as_json:
             print(json.dumps(self.result | {"exit_code": code}), flush=True)
-
-
-def _has(text: str) -> bool:
-    try:
-        text.encode(sys.stdout.encoding or "ascii")
-        return True
-    except UnicodeEncodeError:
-        return False

@@ -33,14 +33,13 @@ class Series:
         self.shown = ""
 
     def add(self, at: float, card: Card) -> None:
+        self.times.append(at)
         try:
             raw = card.read(self.one)
         except (Refused, NoAnswer) as problem:  # the next one may come
-            self.times.append(at)
             self.values.append(None)
             self.shown = str(problem)
             return
-        self.times.append(at)
         self.shown = card.shown(self.one, raw)
         scale = 10.0**self.one.conversion if -6 < self.one.conversion < 6 else 1
         self.values.append(None if isinstance(raw, str) else raw * scale)
