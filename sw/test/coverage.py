@@ -18,16 +18,7 @@ import sys
 from pathlib import Path
 
 from rtl.command import run_main
-from sw.test.host import (
-    BUILDS,
-    CORE,
-    DIALECTS,
-    RANDOM,
-    ROOT,
-    TESTS,
-    compile_library,
-    put_figures,
-)
+from sw.test.host import BUILDS, CORE, DIALECTS, RANDOM, ROOT, TESTS, compile_library, put_figures
 
 FOLDER = ROOT / "build/coverage"
 # Fold constants and drop the code that they exclude, but keep every && and || a branch of its own.
@@ -43,14 +34,8 @@ Counts = dict[str, tuple[int, int]]
 
 
 def run(*command: str | Path, **variables: str) -> str:
-    done = subprocess.run(
-        list(map(str, command)),
-        cwd=ROOT,
-        env=os.environ | variables,
-        capture_output=True,
-        text=True,
-        check=False,
-    )
+    words, env = list(map(str, command)), os.environ | variables
+    done = subprocess.run(words, cwd=ROOT, env=env, capture_output=True, text=True, check=False)
     if done.returncode:
         sys.exit(f"{' '.join(map(str, command))}\n{done.stdout}{done.stderr}")
     return done.stdout
@@ -62,18 +47,9 @@ def measure() -> None:
         done = compile_library(build, FOLDER, *FLAGS)
         if done.returncode:
             sys.exit(done.stderr)
-    pytest = [
-        sys.executable,
-        "-m",
-        "pytest",
-        "-q",
-        "--all",
-        "-p",
-        "no:cacheprovider",
-        "-k",
-        f"not ({RANDOM})",
-    ]
-    print(run(*pytest, *TESTS, FIRMWARE_LIBRARIES=str(FOLDER)).splitlines()[-1])
+    pytest = [sys.executable, "-m", "pytest", "-q", "--all", "-p", "no:cacheprovider"]
+    done = run(*pytest, "-k", f"not ({RANDOM})", *TESTS, FIRMWARE_LIBRARIES=str(FOLDER))
+    print(done.splitlines()[-1])
 
 
 def counted(folder: Path) -> tuple[Counts, Counts, Holes]:

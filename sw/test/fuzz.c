@@ -167,6 +167,16 @@ uint32_t model_word(const struct model *m, uint32_t first)
     return word;
 }
 
+void check_settings(const struct settings *s, const struct model *m)
+{
+    HOLDS((s->word[CONTROL] & 0xFFFF) == model_word(m, 0));
+    HOLDS(s->word[CONTROL] >> 16 == model_word(m, 16));
+    HOLDS(s->word[EEPROM] == (m->coils[64] ? 1u : 0u));
+    HOLDS(s->word[LOCAL_IND] == m->ind);
+    HOLDS(s->word[LOCAL_NETWORK_TIMEOUT] == m->network_timeout);
+    HOLDS(s->word[LOCAL_DRIVE_TIMEOUT] == m->drive_timeout && m->drive_timeout != 0);
+}
+
 static uint16_t word_of(const uint8_t *data)
 {
     return (uint16_t)(data[0] << 8 | data[1]);

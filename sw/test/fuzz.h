@@ -1,7 +1,7 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 /*
  * Shared by the fuzzers: input, checks, requests and drive replies made from input, and an independent model of the
- * settings that a request changes. libFuzzer calls LLVMFuzzerTestOneInput of one of the fuzz_*.c.
+ * settings that a request changes.
  */
 #ifndef FUZZ_H
 #define FUZZ_H
@@ -11,6 +11,7 @@
 #include <stdint.h>
 
 #include "dialect.h"
+#include "translate.h"
 
 enum { PDU_MAX = 253, PDU_KEPT = 31, DATA_MAX = 253, PATTERN = 0xA5 };
 
@@ -18,6 +19,9 @@ enum { PDU_MAX = 253, PDU_KEPT = 31, DATA_MAX = 253, PATTERN = 0xA5 };
 #define HOLDS(fact) ((fact) ? (void)0 : fuzz_wrong(__FILE__, __LINE__, #fact))
 #define NEVER(event) fuzz_wrong(__FILE__, __LINE__, event)
 __attribute__((noreturn)) void fuzz_wrong(const char *file, int line, const char *fact);
+
+/* A run; libFuzzer or replay.c calls it. */
+int LLVMFuzzerTestOneInput(const uint8_t *data, size_t size);
 
 struct input {
     const uint8_t *at;
@@ -52,6 +56,8 @@ enum intent { INTENT_LOCAL, INTENT_PROCESS, INTENT_READ, INTENT_WRITE };
 
 void model_init(struct model *m);
 uint32_t model_word(const struct model *m, uint32_t first);
+/* Compares the settings of the firmware with the model. */
+void check_settings(const struct settings *s, const struct model *m);
 /* Applies a committed request to m. */
 enum intent model_request(struct model *m, const uint8_t *pdu, uint32_t length);
 

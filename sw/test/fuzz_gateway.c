@@ -472,7 +472,6 @@ static void restart(void)
 static void poll(void)
 {
     const uint32_t to_see = rounds_to_commit;
-    const struct settings *s = &g.translator.settings;
 
     if (gateway_poll(&g))
         HOLDS(check_words(IDLE_WORDS));
@@ -484,10 +483,7 @@ static void poll(void)
     due = image_changed();
     writes_due = writes[FOR_ONE] || writes[FOR_ALL];
     check_counters();
-    HOLDS(s->word[CONTROL] == image_words_of_model());
-    HOLDS(s->word[EEPROM] == (model.coils[64] ? 1u : 0u) && s->word[LOCAL_IND] == model.ind);
-    HOLDS(s->word[LOCAL_NETWORK_TIMEOUT] == model.network_timeout);
-    HOLDS(s->word[LOCAL_DRIVE_TIMEOUT] == model.drive_timeout);
+    check_settings(&g.translator.settings, &model);
 }
 
 /* Lets time pass as if idle polls had followed it. */
@@ -640,8 +636,6 @@ static void serve(void)
     HOLDS(replies == before + 1);
     HOLDS(reply[1] == 0x03);
 }
-
-int LLVMFuzzerTestOneInput(const uint8_t *data, size_t size);
 
 int LLVMFuzzerTestOneInput(const uint8_t *data, size_t size)
 {

@@ -38,18 +38,6 @@ static bool same_settings(const struct settings *a, const struct settings *b)
     return !memcmp(a->word, b->word, sizeof a->word);
 }
 
-/* Compares the settings with the model. */
-static void check_settings(const struct settings *s, const struct model *m)
-{
-    HOLDS((s->word[CONTROL] & 0xFFFF) == model_word(m, 0));
-    HOLDS(s->word[CONTROL] >> 16 == model_word(m, 16));
-    HOLDS(s->word[EEPROM] == (m->coils[64] ? 1u : 0u));
-    HOLDS(s->word[LOCAL_IND] == m->ind);
-    HOLDS(s->word[LOCAL_NETWORK_TIMEOUT] == m->network_timeout);
-    HOLDS(s->word[LOCAL_DRIVE_TIMEOUT] == m->drive_timeout);
-    HOLDS(s->word[LOCAL_DRIVE_TIMEOUT] != 0);
-}
-
 /* status: coils 33-64. */
 static void check_coils(const struct bench *b, const uint8_t *pdu, const struct transaction *txn, uint32_t status)
 {
@@ -256,8 +244,6 @@ static void drive_silent(struct bench *b, uint32_t how)
     }
     slot->at_drive = false;
 }
-
-int LLVMFuzzerTestOneInput(const uint8_t *data, size_t size);
 
 int LLVMFuzzerTestOneInput(const uint8_t *data, size_t size)
 {

@@ -22,14 +22,7 @@ BUILDS = {name: [f"-DDIALECT={dialect.macro}"] for name, dialect in DIALECTS.ite
     name: ["-DDIALECT=DIALECT_CARD", f"-D{name}={option.tried}"] for name, option in OPTIONS.items()
 }
 # The translation core: the files that decide the content of telegrams and replies.
-CORE = (
-    "translate.c",
-    "coils.c",
-    "registers.c",
-    "telegram.c",
-    "codes.h",
-    "dialect.h",
-)
+CORE = ("translate.c", "coils.c", "registers.c", "telegram.c", "codes.h", "dialect.h")
 INCLUDES = ["-Isw/include", "-Isw/src", "-Iregs/generated", "-Isw/port/host"]
 HOST = tuple(f"sw/port/host/{name}.c" for name in ("host", "mailbox_model", "machine"))
 # The tests that need no simulator. Random tests do not count for the coverage.

@@ -45,28 +45,9 @@ GATEWAY_TESTS = "tb/firmware/test_firmware_gateway.py"
 TESTS = ["tb/firmware/test_firmware_translate.py", "tb/firmware/test_firmware_dialects.py", GATEWAY_TESTS]
 
 OPERATORS = {
-    "<": ["<=", ">="],
-    "<=": ["<", ">"],
-    ">": [">=", "<="],
-    ">=": [">", "<"],
-    "==": ["!="],
-    "!=": ["=="],
-    "&&": ["||"],
-    "||": ["&&"],
-    "+": ["-"],
-    "-": ["+"],
-    "<<": [">>"],
-    ">>": ["<<"],
-    "&": ["|"],
-    "|": ["&"],
-    "+=": ["-=", "="],
-    "-=": ["+="],
-    "|=": ["=", "&="],
-    "&=": ["=", "|="],
-    ">>=": ["<<="],
-    "<<=": [">>="],
-    "++": ["--"],
-    "--": ["++"],
+    **{"<": "<= >=", "<=": "< >", ">": ">= <=", ">=": "> <", "==": "!=", "!=": "==", "&&": "||", "||": "&&"},
+    **{"+": "-", "-": "+", "<<": ">>", ">>": "<<", "&": "|", "|": "&", "++": "--", "--": "++"},
+    **{"+=": "-= =", "-=": "+=", "|=": "= &=", "&=": "= |=", ">>=": "<<=", "<<=": ">>="},
 }
 WORDS = {"true": "false", "false": "true"}
 parser = SourceParser(Language(tree_sitter_c.language()))
@@ -109,7 +90,7 @@ def changes(node: Node) -> Iterator[tuple[Node, str]]:
     kind = node.type
     if kind in ("binary_expression", "assignment_expression", "update_expression"):
         operator = node.child_by_field_name("operator")
-        for other in OPERATORS.get(operator.text.decode(), []):
+        for other in OPERATORS.get(operator.text.decode(), "").split():
             yield operator, other
         if operator.text in (b"&&", b"||"):
             for side in ("left", "right"):
@@ -384,21 +365,18 @@ class HostTests:
         return f"test {failed}" if failed else ""
 
 
-def builds_of(item: pytest.Item) -> list[Build]:
-    parameters = item.callspec.params.values() if hasattr(item, "callspec") else ()
-    return [value for value in parameters if isinstance(value, Build)]
+def parameters(item: pytest.Item) -> dict[str, object]:
+    return item.callspec.params if hasattr(item, "callspec") else {}
 
 
 def of_core(item: pytest.Item) -> bool:
-    return not (of_gateway(item) or builds_of(item) or "option" in names(item))
+    given = parameters(item)
+    is_option = "option" in given and "random" not in item.name
+    return not (of_gateway(item) or is_option or any(isinstance(value, Build) for value in given.values()))
 
 
 def of_gateway(item: pytest.Item) -> bool:
     """Tests of the poll loop in the host libraries. An image has no mutant."""
     if FIXTURES & set(item.fixturenames) or item.name.startswith("test_after"):
         return True
-    return any(not build.on_card for build in builds_of(item))
-
-
-def names(item: pytest.Item) -> list[str]:
-    return [] if "random" in item.name else list(getattr(item, "callspec", item).__dict__.get("params", {}))
+    return any(isinstance(value, Build) and not value.on_card for value in parameters(item).values())

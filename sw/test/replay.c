@@ -1,11 +1,10 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 /* The main function of a fuzzer without libFuzzer: runs each file of the command line once. */
-#include <stdint.h>
+#include "fuzz.h"
+
 #include <stdio.h>
 
 enum { INPUT_MAX = 4096 };
-
-int LLVMFuzzerTestOneInput(const uint8_t *data, size_t size);
 
 int main(int argc, char **argv)
 {
