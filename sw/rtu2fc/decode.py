@@ -22,7 +22,7 @@ from . import fc
 from .capture import Capture, LineFormat, Piece, characters, open_capture, pieces
 from .problem import DONE, FAILED, Problem
 from .screen import Screen
-from .switches import BAUDS, FORMS
+from .switches import BAUDS
 from .words import Words
 
 TICKS_HZ = 10_000_000  # clock in which the edges of a recording are counted
@@ -143,28 +143,21 @@ class Channels:
         self.network: dict[str, list[tuple[str, Piece]]] = {}
         self.telegrams: dict[str, list[Row]] = {}
         self.read: dict[str, list[tuple[int, int]]] = {}
+        self.levels = (True,) if args.invert else (False, True)  # when idle: low or not
+        # The usual ones first: the first of equally good ones is taken.
+        self.bauds = [args.baud] if args.baud else [9600, *(baud for baud in BAUDS if baud != 9600)]
+        self.forms = [args.format] if args.format else ["8N2", "8E1", "8O1", "8N1"]
 
     def edges(self, name: str, invert: bool) -> list[tuple[int, int]]:
         if name not in self.read:
             self.read[name] = self.capture.edges(name, TICKS_HZ)
         return [(at, level ^ invert) for at, level in self.read[name]]
 
-    def levels(self) -> tuple[bool, ...]:
-        return (True,) if self.args.invert else (False, True)
-
-    def settings(self) -> Iterator[tuple[bool, LineFormat]]:
-        """The usual ones first: the first of equally good ones is taken."""
-        bauds = [self.args.baud] if self.args.baud else [9600, *(baud for baud in BAUDS if baud != 9600)]
-        forms = [self.args.format] if self.args.format else ["8N2", "8E1", "8O1", "8N1"]
-        assert set(forms) <= set(FORMS)
-        for invert in self.levels():
-            for baud in bauds:
-                yield from ((invert, LineFormat(baud, form, TICKS_HZ)) for form in forms)
-
     def modbus(self, name: str) -> int:
         """Whether it is a network line: the number of its good frames at the best setting."""
         best, chosen = 0, None
-        for invert, line in self.settings():
+        for invert, baud, form in itertools.product(self.levels, self.bauds, self.forms):
+            line = LineFormat(baud, form, TICKS_HZ)
             found = modbus_pieces(name, self.edges(name, invert)[:TRIED_EDGES], line)
             if (count := sum(not piece.fault for _, piece in found)) > best:
                 best, chosen = count, (invert, line)
@@ -177,7 +170,7 @@ class Channels:
     def drive_line(self, name: str) -> int:
         """Whether it is a drive line: the number of its good telegrams."""
         best = 0
-        for invert in self.levels():
+        for invert in self.levels:
             rows = drive_rows(name, self.drive, self.edges(name, invert))
             if (count := good(rows)) > best:
                 best, self.telegrams[name] = count, rows

@@ -6,9 +6,10 @@ from __future__ import annotations
 from . import fc
 from .dialects import meaning
 from .drives import DRIVES
+from .rtu import EXCEPTION_BIT as EXCEPTION
+from .rtu import READ_COILS, READ_REGISTERS, WRITE_COIL, WRITE_COILS, WRITE_REGISTER, WRITE_REGISTERS
 
-READ_COILS, READ_REGISTERS, WRITE_COIL, WRITE_REGISTER, WRITE_COILS, WRITE_REGISTERS = 1, 3, 5, 6, 15, 16
-EXCEPTION, EXCEPTION_BYTES, HEAD = 0x80, 5, 6
+EXCEPTION_BYTES, HEAD = 5, 6
 LOCAL_REGISTERS = 9  # 40001-40009, in use or reserved
 ITEMS = {1: 8, 2: 8, 3: 0.5, 4: 0.5}  # function: values that one byte of its reply holds
 COILS = {(0, 16): "control word", (16, 16): "reference", (32, 16): "status word"}

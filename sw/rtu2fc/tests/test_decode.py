@@ -11,6 +11,7 @@ import re
 from pathlib import Path
 
 import pytest
+from vcd import VCDWriter
 
 from sim.card.run_card import ROOT
 from sw.rtu2fc import cli
@@ -25,19 +26,17 @@ DRIVE = Format(9600, "E", 1)
 
 def vcd(path: Path, *sent: tuple[str, float, Format, bytes, Flaws], invert: bool = False) -> Path:
     """Frames at their times in s, one sample in 100 ns."""
-    names = sorted({name for name, *_ in sent})
     edges = [
         (round((at * 1e12 + ps) / 1e5), name, level)
         for name, at, fmt, data, flaws in sent
         for ps, level in waveform(fmt, data, flaws)[0]
     ]
-    lines = ["$timescale 100 ns $end"]
-    lines += [f"$var wire 1 {chr(65 + i)} {name} $end" for i, name in enumerate(names)]
-    lines += ["$enddefinitions $end", "#0", *(f"{int(not invert)}{chr(65 + i)}" for i in range(len(names)))]
-    for at, name, level in sorted(edges):
-        lines += [f"#{at}", f"{level ^ invert}{chr(65 + names.index(name))}"]
-    last = max(at for at, *_ in edges) + 1_000_000
-    path.write_text("\n".join([*lines, f"#{last}", ""]))
+    with path.open("w") as file, VCDWriter(file, timescale="100 ns", date="") as writer:
+        names = sorted({name for name, *_ in sent})
+        lines = {name: writer.register_var("l", name, "wire", 1, init=int(not invert)) for name in names}
+        for at, name, level in sorted(edges):
+            writer.change(lines[name], at, level ^ invert)
+        writer.close(at + 1_000_000)
     return path
 
 
