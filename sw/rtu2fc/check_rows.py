@@ -13,6 +13,7 @@ No row here has the start bit or bit 10 of the control word = 1, so none starts 
 
 from __future__ import annotations
 
+import functools
 from collections.abc import Callable
 from dataclasses import dataclass
 
@@ -156,15 +157,7 @@ def has_text(reply: bytes) -> str:
     return f"'{text.decode().strip()}'"
 
 
-def has_status(reply: bytes) -> str:
-    return status_of(reply, "card")
-
-
-def has_fc_status(reply: bytes) -> str:
-    return status_of(reply, DIAGNOSED[0])
-
-
-def status_of(reply: bytes, dialect: str) -> str:
+def has_status(reply: bytes, dialect: str = "card") -> str:
     if reply[:2] != bytes([1, 4]) or len(reply) != 6:
         raise Unexpected(f"{reply.hex(' ')} is no reply of 32 coils")
     status, frequency = (int.from_bytes(reply[at : at + 2], "little") for at in (2, 4))
@@ -195,6 +188,8 @@ def has_identification(reply: bytes) -> str:
 # ---------------------------------------------------------------- rows
 TEXT_READS = bytes.fromhex("10 0000 0001 02 0400")  # IND = 0400h: function 03 reads texts (MAP-8)
 IDENTIFICATION = bytes.fromhex("2B 0E 01 00")
+ALL_COILS = "01 reads 128 coils, 66-128 are 0"
+READ_LANGUAGE, READ_40003 = parameter(LANGUAGE, 1), Ask(read_registers(DRIVE_TIMEOUT, 1), has_drive_timeout)
 
 
 def diagnostic(sub: int, value: int = 0) -> bytes:
@@ -205,28 +200,9 @@ def diagnosed(title: str, *asks: Ask) -> Row:
     return Row("MAP-10", title, asks, dialects=DIAGNOSED)
 
 
-def index_rows() -> tuple[Row, ...]:
-    """The index register is 40001 or 40009, by dialect."""
-    places = ((IND, "40001", CARD), (INDEX, "40009", BUILT_IN))
-    return tuple(
-        Row("MAP-5", f"{name} holds the index that is written",
-            (*kept(at, 7), done(write_register(at, 0))), dialects=dialects)
-        for at, name, dialects in places
-    )  # fmt: skip
-
-
-def no_drive_rows() -> tuple[Row, ...]:
-    ask = parameter(LANGUAGE, 1)
-    return (
-        Row("FC-9", "exception 255 to a reading without a drive", (Ask(ask, 255),), "no drive", CARD),
-        Row("FC-9", "silence to a reading without a drive", (Ask(ask, None),), "no drive", BUILT_IN),
-        Row(
-            "SAFE-3",
-            "a local request after it is answered",
-            (Ask(read_registers(DRIVE_TIMEOUT, 1), has_drive_timeout),),
-            "no drive",
-        ),
-    )
+def index_row(at: int, dialects: tuple[str, ...]) -> Row:
+    asks = (*kept(at, 7), done(write_register(at, 0)))
+    return Row("MAP-5", f"{40001 + at} holds the index that is written", asks, "", dialects)
 
 
 def text_rows() -> tuple[Row, ...]:
@@ -241,30 +217,28 @@ def text_rows() -> tuple[Row, ...]:
 
 
 def state_rows() -> tuple[Row, ...]:
-    """Two bits of the status word have another meaning in an FC drive."""
+    """By dialect: two bits of the status word have another meaning in an FC drive."""
     title = "0F writes coils 1-32 = 0, no command; coils 33-64 show the drive's state"
     write = done(write_coils(0, [False] * 32))
-    return tuple(
-        Row("FC-6", title, (write, Ask(read_coils(32, 32), check)), "drive", dialects)
-        for check, dialects in ((has_status, NOT_DIAGNOSED), (has_fc_status, DIAGNOSED))
-    )
 
+    def of(name: str) -> Row:
+        status = Ask(read_coils(32, 32), functools.partial(has_status, dialect=name))
+        return Row("FC-6", title, (write, status), "drive", (name,))
 
-def all_coils_rows() -> tuple[Row, ...]:
-    """With Modbus built in, a reading of coils 33-64 asks the drive first."""
-    title = "01 reads 128 coils, 66-128 are 0"
-    asks = (Ask(read_coils(0, 128), has_128_coils),)
-    return (Row("MAP-1", title, asks, "", CARD), Row("MAP-1", title, asks, "drive", BUILT_IN))
+    return tuple(map(of, DIALECTS))
 
 
 ROWS: tuple[Row, ...] = (
-    *all_coils_rows(),
+    # With Modbus built in, a reading of coils 33-64 asks the drive first.
+    Row("MAP-1", ALL_COILS, (Ask(read_coils(0, 128), has_128_coils),), "", CARD),
+    Row("MAP-1", ALL_COILS, (Ask(read_coils(0, 128), has_128_coils),), "drive", BUILT_IN),
     # Functions, on what the card itself holds: no telegram goes to the drive.
     Row("MAP-2", "05 sets and clears coil 65", sets_and_clears(by_05)),
     Row("MAP-2", "0F sets and clears coil 65", sets_and_clears(lambda on: write_coils(EEPROM, [on]))),
     Row("MAP-5", "06 writes 40002, 03 reads it", kept(NETWORK_TIMEOUT, VALUES[0])),
     Row("MAP-5", "10 writes 40002 and 40003, 03 reads both", kept(NETWORK_TIMEOUT, *VALUES)),
-    *index_rows(),
+    index_row(IND, CARD),
+    index_row(INDEX, BUILT_IN),
     # Exceptions, in the order of their checks.
     Row("EXC", "unknown function", (Ask(bytes([UNKNOWN_FUNCTION]), "function"),)),
     Row("EXC", "frame one byte too long", (Ask(read_registers(DRIVE_TIMEOUT, 1) + b"\0", "length"),)),
@@ -296,7 +270,7 @@ ROWS: tuple[Row, ...] = (
     Row(
         "FRAME-5",
         "a frame of 300 bytes: silence, and the next one is answered",
-        (Ask(bytes([0x10]) + bytes(296), None), Ask(read_registers(DRIVE_TIMEOUT, 1), has_drive_timeout)),
+        (Ask(bytes([0x10]) + bytes(296), None), READ_40003),
     ),
     # Diagnostics. The counts are of the asks in this row, so a frame of somebody else's is a cross.
     diagnosed("08/0 returns its data", Ask(diagnostic(0, 0xA55A), diagnostic(0, 0xA55A))),
@@ -323,7 +297,9 @@ ROWS: tuple[Row, ...] = (
         NOT_DIAGNOSED,
     ),
     # The drive.
-    *no_drive_rows(),
+    Row("FC-9", "exception 255 to a reading without a drive", (Ask(READ_LANGUAGE, 255),), "no drive", CARD),
+    Row("FC-9", "silence to a reading without a drive", (Ask(READ_LANGUAGE, None),), "no drive", BUILT_IN),
+    Row("SAFE-3", "a local request after it is answered", (READ_40003,), "no drive"),
     Row("MAP-7", "parameter 1 is read", (Ask(parameter(LANGUAGE, 2), has_language),), "drive"),
     Row("EXC", "parameter 2047, in no drive, is refused", (Ask(parameter(NO_PARAMETER, 1), 0),), "drive"),
     *text_rows(),
@@ -331,7 +307,7 @@ ROWS: tuple[Row, ...] = (
         "FC-4",
         "parameter 1 is written with the value that it has",
         (
-            Ask(parameter(LANGUAGE, 1), has_language),
+            Ask(READ_LANGUAGE, has_language),
             Ask(lambda reply: write_register(10 * LANGUAGE - 1, words(reply)[0]), echo),
         ),
         "drive",
