@@ -258,10 +258,7 @@ def read(args: argparse.Namespace, screen: Screen, card: Card) -> int:
 def write(args: argparse.Namespace, screen: Screen, card: Card) -> int:
     one = parameter(card.drive, args.parameter)
     before = card.shown(one, card.read(one))
-    if args.store:
-        with card.storing():
-            card.write(one, args.value)
-    else:
+    with card.storing() if args.store else contextlib.nullcontext():
         card.write(one, args.value)
     after = card.read(one)
     screen.say(f"{one}: {before} -> {card.shown(one, after)}{', stored in the EEPROM' if args.store else ''}")

@@ -17,16 +17,12 @@ from itertools import pairwise
 from pathlib import Path
 
 from rtl.command import run_main, threads
-from sw.test.host import DIALECTS, INCLUDES, ROOT
+from sw.test.host import BUILDS, DIALECTS, INCLUDES, ROOT
 
 CPPCHECK, CROSS = "cppcheck", "riscv64-unknown-elf-gcc"
 CARD = ["-Os", "-march=rv32i", "-mabi=ilp32", "-ffreestanding", "-Isw/port/card"]
 WARNINGS = ["-std=c99", "-Wall", "-Wextra", "-Wconversion", "-Wshadow", "-Werror"]
 SHARED = ("sw/include", "sw/src", "regs/generated")
-
-
-def dialect(name: str) -> str:
-    return f"-DDIALECT=DIALECT_{name.upper()}"
 
 
 def run(tree: Path, command: Iterable[str | Path]) -> list[str]:
@@ -57,7 +53,7 @@ def gcc_analyzer(tree: Path = ROOT) -> list[str]:
     return all_of(
         tree,
         [
-            [CROSS, *WARNINGS, "-fanalyzer", *CARD, *includes, dialect(name), "-c", source, "-o", os.devnull]
+            [CROSS, *WARNINGS, "-fanalyzer", *CARD, *includes, *BUILDS[name], "-c", source, "-o", os.devnull]
             for name in DIALECTS
             for source in card_sources(tree)
         ],
@@ -68,7 +64,7 @@ def cppcheck(tree: Path = ROOT) -> list[str]:
     options = ["--quiet", "--std=c99", "--enable=warning,style,performance,portability", "--inconclusive"]
     options += ["--error-exitcode=1", "--inline-suppr", *INCLUDES, "-Isw/test"]
     files = card_sources(tree) + test_sources(tree)
-    return all_of(tree, [[CPPCHECK, *options, dialect(name), *files] for name in DIALECTS])
+    return all_of(tree, [[CPPCHECK, *options, *BUILDS[name], *files] for name in DIALECTS])
 
 
 def clang_tidy(tree: Path = ROOT) -> list[str]:
@@ -83,7 +79,7 @@ def clang_tidy(tree: Path = ROOT) -> list[str]:
     options = ["--", "-std=c99", *INCLUDES, "-Isw/test"]
     files = card_sources(tree) + test_sources(tree)
     return all_of(
-        tree, [[tidy, "--quiet", source, *options, dialect(name)] for name in DIALECTS for source in files]
+        tree, [[tidy, "--quiet", source, *options, *BUILDS[name]] for name in DIALECTS for source in files]
     )
 
 
