@@ -148,11 +148,9 @@ def build() -> argparse.ArgumentParser:
     said = "control and status word in words, reference, output frequency, alarms"
     add("status", commands.status, said, line)
 
-    for name, run, text in (
-        ("start", commands.start, "starts the motor, after a question"),
-        ("reference", commands.reference, "another reference; a running motor follows, after a question"),
-    ):
-        one = add(name, run, text, line)
+    said = "another reference; a running motor follows, after a question"
+    start = add("start", commands.start, "starts the motor, after a question", line)
+    for one in (start, add("reference", commands.reference, said, line)):
         one.add_argument("percent", type=percent, metavar="PERCENT", help="of the maximum reference")
         one.add_argument("--yes", action="store_true", help="no question")
     add("stop", commands.stop, "stops the motor by its ramp, and waits until it has stopped", line)
@@ -169,7 +167,7 @@ def build() -> argparse.ArgumentParser:
     one.add_argument("parameters", nargs="+", metavar="PARAMETER", help="number, part of the name, or 615[2]")
     one.add_argument("--every", type=seconds, default=1.0, metavar="S", help="seconds; default: 1")
     ever = float("inf")
-    one.add_argument("--for", dest="seconds", type=seconds, default=ever, metavar="S", help="and then ends")
+    one.add_argument("--for", dest="seconds", type=seconds, default=ever, metavar="S", help="ends after S s")
     one.add_argument("--csv", type=Path, metavar="FILE", help="log of all values")
     one.add_argument("--plot", type=output, metavar="FILE.svg", help="picture of all values, at the end")
     one = add("parameters", commands.table, "the table of a drive's parameters, without a port")

@@ -25,6 +25,8 @@ from .rtu import PS_PER_S, t35_ps
 SLACK_S = 0.15  # adapter and computer; silence is so much longer than the latest reply
 POLL_S = 0.01
 LONGEST_FRAME = 256
+HEXADECIMAL = ("sent", "early", "heard")  # in a record
+Talk = tuple[float, bytes, bytes, float]  # time, bytes before and after the frame, seconds to the last one
 
 
 @contextlib.contextmanager
@@ -165,10 +167,7 @@ class Line:
         answer = heard[own:] if heard[:own] == frame[:own] else heard
         return answer, took_s - (len(frame) + len(answer)) * self.character_s
 
-    def _talk(
-        self, frame: bytes, wait_s: float, quiet_s: float, whole: bool
-    ) -> tuple[float, bytes, bytes, float]:
-        """Time, bytes before the frame, bytes after it, seconds to the last of them."""
+    def _talk(self, frame: bytes, wait_s: float, quiet_s: float, whole: bool) -> Talk:
         time.sleep(max(0.0, self._quiet_at - time.monotonic()))
         early = b""
         while more := self.port.read(0.0):
@@ -220,12 +219,8 @@ class Replay(Line):
             head, *self._left = map(json.loads, file.read_text(encoding="ascii").splitlines())
             self.name, baud, form = head["port"], head["baud"], head["format"]
             self._left = [
-                (
-                    entry["t"],
-                    *(bytes.fromhex(entry[key]) for key in ("sent", "early", "heard")),
-                    entry["took"],
-                )
-                for entry in self._left
+                (one["t"], *(bytes.fromhex(one[key]) for key in HEXADECIMAL), one["took"])
+                for one in self._left
             ]
         except (ValueError, KeyError, TypeError, AttributeError):
             raise Problem(f"{file} is no record of rtu2fc (--record)") from None
@@ -233,9 +228,7 @@ class Replay(Line):
 
     def close(self) -> None: ...
 
-    def _talk(
-        self, frame: bytes, wait_s: float, quiet_s: float, whole: bool
-    ) -> tuple[float, bytes, bytes, float]:
+    def _talk(self, frame: bytes, wait_s: float, quiet_s: float, whole: bool) -> Talk:
         at, sent, *heard = self._left.pop(0) if self._left else (0.0, None)
         if sent != frame:
             now = frame.hex(" ") or "nothing"

@@ -78,10 +78,8 @@ def nodes(node: Node) -> Iterator[Node]:
 def function_name(node: Node | None) -> str:
     while node and node.type != "function_definition":
         node = node.parent
-    declarator = node and node.child_by_field_name("declarator")
-    return (
-        next((n.text.decode() for n in nodes(declarator) if n.type == "identifier"), "") if declarator else ""
-    )
+    inside = nodes(node.child_by_field_name("declarator")) if node else ()
+    return next((n.text.decode() for n in inside if n.type == "identifier"), "")
 
 
 def changes(node: Node) -> Iterator[tuple[Node, str]]:
@@ -99,10 +97,8 @@ def changes(node: Node) -> Iterator[tuple[Node, str]]:
         yield node, node.child_by_field_name("argument").text.decode()
     elif kind in CONDITIONS:
         condition = node.child_by_field_name("condition")
-        yield (
-            condition,
-            f"(!{condition.text.decode()})" if kind != CONDITIONS[2] else f"!({condition.text.decode()})",
-        )
+        whole = condition.text.decode()  # of an `if` with its brackets
+        yield condition, f"(!{whole})" if kind != CONDITIONS[2] else f"!({whole})"
     elif kind == "number_literal":
         suffix = text[len(text.rstrip("uU")) :]
         value = int(text.rstrip("uU"), 0)
@@ -137,10 +133,6 @@ def mutants_of(name: str) -> list[Mutant]:
 def ancestors(node: Node) -> Iterator[Node]:
     while node := node.parent:
         yield node
-
-
-def all_mutants() -> list[Mutant]:
-    return [mutant for name in FILES for mutant in mutants_of(name)]
 
 
 def chosen_mutants(count: int) -> list[Mutant]:
@@ -182,7 +174,7 @@ def is_excused(mutant: Mutant) -> bool:
 
 def outdated() -> list[str]:
     """Rows that excuse no mutant of the present sources."""
-    rows = {(mutant.file, *around(mutant), mutant.change) for mutant in all_mutants()}
+    rows = {(mutant.file, *around(mutant), mutant.change) for mutant in chosen_mutants(0)}
     return [
         f"survivors.toml: {file}: `{change}`: the function has changed; try the mutant again"
         for file, at, of, change in excuses()
@@ -233,9 +225,9 @@ class MutantBuild:
         if self.mutant is None:
             return []
         name = self.mutant.file
-        return (
-            [f"sw/src/{name}"] if name.endswith(".c") else [file for file in self.files if file not in HOST]
-        )
+        if name.endswith(".c"):
+            return [f"sw/src/{name}"]
+        return [file for file in self.files if file not in HOST]
 
     def change(self, mutant: Mutant | None) -> None:
         """Restores the file of the last mutant and writes this one."""
