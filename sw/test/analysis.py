@@ -1,14 +1,13 @@
 # SPDX-License-Identifier: Apache-2.0
 """Static analysis of the firmware in every dialect; part of `make lint`.
 
-    python -m sw.test.analysis [--tree DIR]   prints the findings, a line each; exit 1 if there are any
+    python -m sw.test.analysis   prints the findings, a line each; exit 1 if there are any
 
 Runs gcc -fanalyzer, cppcheck and clang-tidy, and looks for loops without a stated bound.
 """
 
 from __future__ import annotations
 
-import argparse
 import os
 import re
 import subprocess
@@ -108,10 +107,7 @@ CHECKS: list[tuple[str, Callable[..., list[str]]]] = [
 
 
 def main() -> int:
-    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
-    parser.add_argument("--tree", type=Path, default=ROOT, help="the tree to analyse (default: this one)")
-    tree = parser.parse_args().tree.absolute()
-    wrong = [f"{title}: {line}" for title, check in CHECKS for line in check(tree)]
+    wrong = [f"{title}: {line}" for title, check in CHECKS for line in check()]
     print("\n".join(wrong) or "clean")
     return 1 if wrong else 0
 

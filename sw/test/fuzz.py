@@ -1,11 +1,10 @@
 # SPDX-License-Identifier: Apache-2.0
 """Fuzzes the translation core and the poll loop of the firmware in every dialect (sw/test/fuzz_*.c).
 
-    python -m sw.test.fuzz [--runs N] [--seed N] [--jobs N] [--folder DIR] [--refresh] [--write]
+    python -m sw.test.fuzz [--runs N] [--seed N] [--jobs N] [--refresh] [--write]
 
-Starts from the corpus in sw/test/corpus. Writes DIR/results.json (default: build/fuzz-firmware) and the
-inputs of findings to DIR/findings; prints the command that repeats a finding. Exit 1 with a finding, 2 on an
-error.
+Starts from the corpus in sw/test/corpus. Writes results.json and the inputs of findings into
+build/fuzz-firmware; prints the command that repeats a finding. Exit 1 with a finding, 2 on an error.
 """
 
 from __future__ import annotations
@@ -125,19 +124,17 @@ def main() -> int:
     parser.add_argument("--runs", type=at_least(1), default=1_000_000, help="runs of all fuzzers together")
     parser.add_argument("--seed", type=at_least(1), default=random.randrange(1, 1 << 31))
     parser.add_argument("--jobs", type=at_least(1), default=1, help="fuzzers at a time")
-    parser.add_argument("--folder", type=Path, default=FOLDER)
     parser.add_argument("--write", action="store_true", help=f"{LONG} runs or more: into docs/evidence.json")
     parser.add_argument("--refresh", action="store_true", help="add new branches to sw/test/corpus")
     given = parser.parse_args()
-    folder = given.folder.absolute()
-    made = build(folder)
+    made = build(FOLDER)
     if made.returncode:
         print(made.stderr, file=sys.stderr)
         return 2
     print(f"{given.runs} runs, seed {given.seed}", flush=True)
-    results = fuzz_all(folder, given.runs, given.seed, given.jobs)
+    results = fuzz_all(FOLDER, given.runs, given.seed, given.jobs)
     total = sum(result.runs for result in results)
-    (folder / "results.json").write_text(json.dumps([asdict(result) for result in results], indent=1) + "\n")
+    (FOLDER / "results.json").write_text(json.dumps([asdict(result) for result in results], indent=1) + "\n")
     shown = [
         f"{one.fuzzer:22}{one.runs:>10} runs{one.branches:>6} edges{one.seconds:>9} s" for one in results
     ]
@@ -146,12 +143,12 @@ def main() -> int:
     print("\n".join(shown))
     for result in found:
         print(f"FOUND  {result.says}")
-        print(f"       {folder / result.fuzzer.replace('/', '/fuzz_')} {result.finding}")
+        print(f"       {FOLDER / result.fuzzer.replace('/', '/fuzz_')} {result.finding}")
     if given.write and not found and total >= LONG:
         text = "\n".join([f"{given.runs} runs, seed {given.seed}", *shown])
         put_figures("fuzzing", f"make fuzz-firmware RUNS={given.runs}", text)
     if given.refresh and not found:
-        refresh(folder)
+        refresh(FOLDER)
     return 1 if found else 0
 
 
