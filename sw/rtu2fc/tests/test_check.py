@@ -539,6 +539,7 @@ def test_a_coil_that_is_1_after_the_power_up_is_a_cross(coil):
     test = checks(line, boot=True)
     if coil is None:
         assert test.boot().startswith("40002 = 1000, 40003 = 15, all coils 0; silent for")
+        assert next(turn) == 4, "a write, two questions for the values, one for the coils"
     else:
         with pytest.raises(Unexpected, match="instead of 01 10" + " 00" * 16):
             test.boot()
