@@ -657,7 +657,6 @@ async def bytes_received_while_sending_are_ignored(dut):
 
 # Scenarios of many frames, or of one frame a register.
 LONG = [
-    "frames_of_up_to_256_bytes_are_candidates",
     "strict_character_after_a_good_frame_revokes_it_before_t35",
     "strict_a_flipped_bit_in_the_uart_hides_no_start_bit",
     "a_pulse_at_the_commit_leaves_the_line_silent",
