@@ -7,7 +7,7 @@ import cocotb
 import pytest
 
 from regs.areas import Register
-from regs.generated.mailbox import REGISTERS
+from regs.generated.mailbox import REGISTERS, VALUES
 from tb.lib.bench import Bench, Strobes, inputs
 from tb.lib.runner import run
 
@@ -89,6 +89,10 @@ async def what_was_prepared_for_a_candidate_leaves_at_its_commit(dut):
     assert not int(mailbox.dut.reply_queued.value)
     request = await mailbox.read("REQUEST")
     assert request["committed"] and not request["candidate"] and request["ticket"] == ticket
+    for action in ("image", "write"):
+        order = {"action": VALUES["TELEGRAM", "action"][action], "no_reply": 1}
+        await mailbox.write("TELEGRAM", length=13, ticket=ticket, **order)
+        assert await mailbox.settle() == (1, 1), f"no licence for {action}"
 
 
 @cocotb.test()
