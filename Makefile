@@ -139,7 +139,7 @@ replay: firmware | setup-test ## a recorded bus (.sr, .vcd) played to the card: 
 		$(call given,strict-t15,STRICT_T15) $(call given,break-tolerant,BREAK_TOLERANT)
 
 ##@ Test
-test: | setup-test ## * every rule of the card, each test of a few seconds (4 min from a clean clone, 9.5 min without the build cache; TEST=name: a part)
+test: | setup-test ## * every rule of the card, each test of a few seconds (3 min; from a clean clone 4 min, without the build cache 9.5; TEST=name: a part)
 	@$(call named,test)
 	@$(MAKE) -j$(JOBS) $(TESTED)
 	@$(PYTEST) $(if $(TEST),--all)

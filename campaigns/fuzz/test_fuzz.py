@@ -149,6 +149,20 @@ def test_a_planted_bug_is_found(name, frames):
 
 
 @pytest.mark.nightly
+@pytest.mark.parametrize(
+    ("name", "case"),
+    [
+        ("repeat-although-a-reading-waits", "reading-behind-a-write-to-a-silent-drive"),
+        ("wait-shortened-by-a-local-request", "reading-overtaken-in-a-long-wait"),
+    ],
+)
+def test_a_planted_bug_is_found_in_a_kept_case(name, case):
+    """Random sequences seldom meet these moments."""
+    verdict, _ = run(case_file.read(ROOT / f"campaigns/fuzz/cases/{case}.json"), card_with(named(name)))
+    assert verdict.differences
+
+
+@pytest.mark.nightly
 @pytest.mark.rule("SAFE-1", "FC-5")
 def test_a_firmware_that_puts_a_command_into_every_parameter_commands_nothing():
     """From the function code on one pin to bit 10 on the other, on the wired card."""

@@ -240,6 +240,8 @@ class LineJudge:
                     self.exchange.queued_by = NEVER  # a commit of its kind makes the card order it anew
                 if not self._keeps_place(self.exchange.request):
                     self.exchange.overtaken, self.exchange.settled = True, NEVER
+                if self.exchange.phase == "wait" and event.at + self.budget < self._wait_from(self.exchange):
+                    self.exchange.wanted = self._still_wanted(self.exchange)
         else:
             self.pending = False
             if self.exchange and self.exchange.overtaken:
