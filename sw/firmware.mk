@@ -36,8 +36,8 @@ FIRMWARE_HOST_DIR ?= build/host
 # Bytes of memory, from configs.toml: $(call firmware_config,tiny,memory_bytes).
 firmware_config = $(shell $(FIRMWARE_PYTHON) -c 'import tomllib; \
 	print(tomllib.load(open("configs.toml", "rb"))["$1"]["$2"])')
-# Bytes of stack that the linker reserves in every image; sw/tools/stack.py compares them with the use.
-FIRMWARE_STACK := 160
+# Bytes of stack that the linker reserves in every image; sw/tools/stack.py compares them with the deepest path.
+FIRMWARE_STACK := 144
 
 FIRMWARE_SOURCES := $(addprefix sw/src/,\
 	translate.c coils.c registers.c diagnostics.c telegram.c request.c orders.c exchange.c gateway.c \

@@ -148,9 +148,12 @@ static void poll_leaving(struct gateway *g, uint32_t state)
 
 /* ---- the drive's reply */
 
-/* Prepares the reply while the BCC of the drive's telegram is still on the line (PERF-3). */
+/* Prepares the reply while the BCC of the drive's telegram is still on the line (PERF-3). Nobody gets that of an older
+ * request: like a write it is only confirmed, for a long text would hide the commit of the newer one (gateway.h). */
 static void evaluate(struct gateway *g)
 {
+    if (!is_newest(g))
+        g->at_drive->function = WRITE_REGISTERS;
     g->reply_outcome = (uint8_t)translate_drive_reply(&g->translator, g->at_drive, mailbox_frame(DRIVE_FRAME),
                                                       mailbox_byte(&mailbox_frame(DRIVE_LGE)->byte));
     if (g->reply_outcome == OUTCOME_REPLY)

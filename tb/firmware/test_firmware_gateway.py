@@ -5,6 +5,7 @@ from __future__ import annotations
 
 import re
 from collections.abc import Callable
+from itertools import pairwise
 
 import pytest
 
@@ -973,6 +974,27 @@ def test_a_text_reply_is_queued_before_its_bcc():
     needed = instructions_until(bench, "reply_queued")
     print(f"text of 20: {needed} instructions")
     assert needed < 2000
+
+
+@pytest.mark.rule("FRAME-7")
+def test_a_commit_is_seen_before_the_next_candidate():
+    """0.6 ms at 115200 bit/s are 20,600 clocks of the small card, which takes up to 60 for an instruction."""
+    bench = Bench(CARD)
+    looks: list[int] = []
+
+    def look() -> int:
+        looks.append(bench.gateway.state.instructions)
+        return bench.mailbox.read_register("REQUEST")
+
+    bench.local(H("06 0000 0400"))
+    bench.ask_drive(H("03 1841 000A"))
+    bench.offer(START, broadcast=True)
+    bench.mailbox.reads["REQUEST"] = look
+    bench.drive(H("F26D 0400") + b"12345678901234567890" + H(STATUS))
+    bench.wait(5)
+    longest = max(later - earlier for earlier, later in pairwise(looks))
+    print(f"text of 20: {longest} instructions between two looks at the request")
+    assert longest < 340
 
 
 def test_an_idle_round_is_short():
