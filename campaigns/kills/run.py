@@ -343,9 +343,8 @@ def main(arguments: list[str] | None = None) -> int:
     print(f"kills: sample {given.sample}, repeat with SEED={matrix.seed}", flush=True)
     broken = []
     work = tasks(matrix, given.sample)
-    if not matrix.wanted.total() and not any(
-        given.only in f"{row.kind} {row.name}" for row in matrix.rows.values()
-    ):
+    known = any(given.only in f"{row.kind} {row.name}" for row in matrix.rows.values())
+    if given.only and not known and not matrix.wanted.total():
         parser.error(f"no mutant, bug or fault has '{given.only}' in its kind and name")
     with threads(given.jobs) as pool:
         for done in as_completed([pool.submit(task) for task in work]):

@@ -37,6 +37,9 @@ def test_what_nothing_notices_is_named_and_a_second_run_keeps_it(tmp_path, monke
     row.verdict, row.by = "noticed", "tb/rtl/test_m.py::test_m[icarus]"
     assert kills.main(["--seed=6"]) == 0
     assert row.by in (tmp_path / "matrix.tsv").read_text()
+    with pytest.raises(SystemExit):
+        kills.main(["--seed=6", "--only=nosuch"])
+    assert "no mutant, bug or fault has 'nosuch' in its kind and name" in capsys.readouterr().err
     pages: list[str] = []
     monkeypatch.setattr(kills, "publish", lambda name, text, *rest, **more: pages.append(text))
     assert kills.main(["--seed=6", "--page=yes"]) == 0
