@@ -573,7 +573,10 @@ class LineJudge:
 
     def _telegram(self, burst: Burst) -> None:
         data, exchange = burst.data, self.exchange
-        held_up = exchange and exchange.phase == "line" and self.newest in self.queue
+        waits = exchange and exchange.phase == "line"
+        # A write that was given up leaves all the same, and then nobody gets its reply.
+        given_up = waits and exchange.sends == 0 and exchange.request is self.newest and self.newest.writes
+        held_up = given_up or (waits and self.newest in self.queue)
         mute = "silent" not in self.card.dialect.codes
         if held_up and mute and burst.rise >= self._abandoned_from(exchange):
             raise Unclear(burst.rise, "a wait for the line whose end a silent dialect does not show")
