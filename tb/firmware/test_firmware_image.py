@@ -266,3 +266,16 @@ def test_an_image_is_built_again_for_other_options(tmp_path: Path):
     plain = built()
     assert built("FIRMWARE_DEFINES=-DADR_SHORT=1") != plain
     assert built() == plain
+
+
+@pytest.mark.rule("LINE-9")
+def test_a_delay_is_never_shorter_than_asked(tmp_path):
+    """REPLY_DELAY in ms becomes ticks of 1/1200 s, whole ones."""
+    source, program = tmp_path / "ticks.c", tmp_path / "ticks"
+    source.write_text(
+        '#include <stdio.h>\n#include "ticks.h"\n'
+        'int main(void) { for (int ms = 0; ms <= 250; ms++) printf("%d\\n", TICKS(ms)); return 0; }\n'
+    )
+    subprocess.run(["cc", "-I", ROOT / "sw/include", source, "-o", program], check=True)
+    ticks = subprocess.run([program], capture_output=True, text=True, check=True).stdout.split()
+    assert all(0 <= 5 * int(found) - 6 * ms < 5 for ms, found in enumerate(ticks))
