@@ -9,8 +9,8 @@ assumed: it is in any state that they allow. Then one bit of one register flips,
 flips.toml are asserted, for so many clocks. The registers of the properties (g_*) never flip. FLIPPED is
 defined, so a property file can say what the neighbours of the module still promise.
 
-The solver also chooses which bit flips: one run proves many bits, four times as fast as a run a bit. The bits
-that flips.toml lists have a run each, and so has every bit of a run that fails.
+The solver also chooses which bit flips, so one run proves many bits. Each bit that flips.toml lists has a run
+of its own, and so has each bit of a run that fails.
 
 A bit from which no wire leads to a promise cannot break it. It is counted apart, not as proved.
 
