@@ -1,7 +1,7 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 #include "exchange.h"
 
-#include "diagnostics.h"
+#include "codes.h"
 #include "dialect.h"
 #include "mailbox_port.h"
 #include "orders.h"
@@ -34,39 +34,13 @@ ONE_COPY static void end(struct gateway *g)
     g->image_ordered = 0;
 }
 
-/* The request at the drive is over; if it is the newest one, its outcome counts (MAP-10). */
-static void finish(struct gateway *g)
-{
-    if (!is_newest(g))
-        return;
-    if (DIAGNOSTICS)
-        diagnostics_done(g->at_drive);
-    g->state = REQUEST_DONE;
-}
-
-/* The newest request gets its answer in another transaction: its telegram may still have to leave. */
-static void answer_silence(struct gateway *g)
-{
-    struct transaction *answer = request_spare(g);
-
-    answer->function = g->at_drive->function;
-    g->newest = answer;
-    g->state = REQUEST_DONE;
-    g->asks_drive = false;
-    if (translate_drive_silent(answer) != OUTCOME_REPLY)
-        return;
-    request_reply(g, answer, 0); /* the hardware answers no broadcast */
-    if (DIAGNOSTICS && !g->at_drive->broadcast)
-        diagnostics_done(answer);
-}
-
 /* The drive gave no good reply (FC-9). An image that has not left stays changed, a parameter write stays in its place. */
 static void abandon(struct gateway *g)
 {
     mailbox_count(mailbox_counter(COUNT_DRIVE_NO_REPLY));
     g->drive_online = false;
     if (is_newest(g))
-        answer_silence(g);
+        request_answer_silence(g);
     end(g);
 }
 
@@ -104,7 +78,7 @@ static void left(struct gateway *g)
     g->exchange = EXCHANGE_WAITING;
     if (!g->at_drive->broadcast)
         return;
-    finish(g);
+    request_finish(g);
     end(g);
 }
 
@@ -174,7 +148,7 @@ static void take_reply(struct gateway *g)
         return;
     }
     request_confirm_reply(g);
-    finish(g);
+    request_finish(g);
 }
 
 static void poll_waiting(struct gateway *g, uint32_t state)

@@ -126,13 +126,39 @@ static void commit(struct gateway *g)
     orders_keep(g);
 }
 
-/* ---- the newest request */
+/* ---- its end */
+
+void request_finish(struct gateway *g)
+{
+    if (g->at_drive != g->newest)
+        return;
+    if (DIAGNOSTICS)
+        diagnostics_done(g->at_drive);
+    g->state = REQUEST_DONE;
+}
+
+void request_answer_silence(struct gateway *g)
+{
+    struct transaction *answer = request_spare(g);
+
+    answer->function = g->at_drive->function;
+    g->newest = answer;
+    g->state = REQUEST_DONE;
+    g->asks_drive = false;
+    if (translate_drive_silent(answer) != OUTCOME_REPLY)
+        return;
+    request_reply(g, answer, 0); /* the hardware answers no broadcast */
+    if (DIAGNOSTICS && !g->at_drive->broadcast)
+        diagnostics_done(answer);
+}
 
 void request_forget(struct gateway *g)
 {
     g->ticket = mailbox_read(REQUEST) & MAILBOX__REQUEST__TICKET_bm;
     g->state = REQUEST_DONE;
 }
+
+/* ---- the newest request */
 
 /* Preparing takes time, in which a newer request may arrive; the next round sees it. A ticket returns after 16
  * candidates, so that of a revoked request may be of a new one. */

@@ -23,4 +23,11 @@ void request_cancel_reply(struct gateway *g);
 /* The drive's telegram was good: a reply that waits for it need not wait any more. */
 void request_confirm_reply(struct gateway *g);
 
+/* The request at the drive is over; if it is the newest one, its outcome counts (MAP-10). */
+void request_finish(struct gateway *g);
+
+/* The newest request, for which the drive was silent, gets its answer in another transaction: its telegram may still
+ * have to leave. */
+void request_answer_silence(struct gateway *g);
+
 #endif
