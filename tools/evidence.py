@@ -36,17 +36,17 @@ REPORTS = {
         "impatient COUNT=600 SEED={seed}",
         "impatient CONFIG=tiny COUNT=100 SEED={seed}",
         "flips COUNT=2000 SEED={seed}",
-        "flips CONFIG=tiny COUNT=500 SEED={seed}",
+        "flips CONFIG=tiny COUNT=400 SEED={seed}",
         "fuzz PAGE=yes",
     ),
-    "soak": ("soak COUNT=3000 SEED={seed}", "soak CONFIG=tiny COUNT=500 SEED={seed}", "soak PAGE=yes"),
-    "starts": ("starts COUNT=300 SEED={seed}", "starts CONFIG=tiny COUNT=50 SEED={seed}", "starts PAGE=yes"),
+    "soak": ("soak COUNT=2000 SEED={seed}", "soak CONFIG=tiny COUNT=300 SEED={seed}", "soak PAGE=yes"),
+    "starts": ("starts COUNT=200 SEED={seed}", "starts CONFIG=tiny COUNT=40 SEED={seed}", "starts PAGE=yes"),
     "line-quality": ("line-quality SEED={seed}", "line-quality PAGE=yes"),
     "conformance": ("conformance",),
     "masters": ("masters",),
     "coverage": ("coverage-rtl",),
     "firmware-branches": ("coverage-firmware",),
-    "firmware-fuzzing": ("fuzz-firmware RUNS=1000000",),
+    "firmware-fuzzing": ("fuzz-firmware RUNS=500000",),
 }
 # Reports whose subjects are modules or designs of their own.
 SUBJECTS: dict[str, Callable[[], dict[str, str]]] = {
