@@ -37,6 +37,9 @@ export COCOTB_RANDOM_SEED := $(SEED)
 ifeq ($(SEED),)
 unexport COCOTB_RANDOM_SEED
 endif
+ifeq ($(shell [[ '$(SEED)' =~ ^[0-9]*$$ ]] && echo number),)
+$(error SEED=$(SEED): a whole number)
+endif
 
 ifeq ($(shell [[ '$(JOBS)' =~ ^[1-9][0-9]*$$ ]] && echo number),)
 $(error JOBS=$(JOBS): a whole number of 1 or more)
@@ -139,7 +142,7 @@ replay: firmware | setup-test ## a recorded bus (.sr, .vcd) played to the card: 
 		$(call given,strict-t15,STRICT_T15) $(call given,break-tolerant,BREAK_TOLERANT)
 
 ##@ Test
-test: | setup-test ## * every rule of the card, each test of a few seconds (3 min; from a clean clone 4 min, without the build cache 9.5; TEST=name: a part)
+test: | setup-test ## * every rule of the card, each test of a few seconds (3 min; from a clean clone 4 min, without the build cache 6; TEST=name: a part)
 	@$(call named,test)
 	@$(MAKE) -j$(JOBS) $(TESTED)
 	@$(PYTEST) $(if $(TEST),--all)
