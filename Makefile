@@ -245,7 +245,6 @@ pictures: | setup-test ## the pictures of the pages and docs/switches.html, from
 	@$(RUN) tools.panel_picture
 
 docs: | setup-docs ## the documentation site, readable offline: build/docs-site/index.html (3 s; pictures: make diagrams)
-	@$(RUN) campaigns.masters.run --page >/dev/null
 	@$(RUN) tools.site.build
 
 datasheet: | setup-pages ## the data sheet from docs/evidence.json: build/datasheet, HTML and PDF (3 s)

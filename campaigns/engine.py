@@ -154,6 +154,8 @@ class Campaign:
     count = 1000  # by default; 0: the cases are always the same
     configs = tuple(configurations())
     every_dialect = False  # whether cases run other images than that of `card`
+    drawn = True  # whether cases follow from a seed
+    jobs = 2  # processes by default
     keep: tuple[str, ...] = ("",)  # headings of the page whose tables go into docs/evidence.json
 
     def options(self, parser: Parser) -> None:
@@ -198,8 +200,9 @@ class Campaign:
         parser.add_argument("--config", choices=self.configs, default="standard")
         if self.count:
             parser.add_argument("--count", type=at_least(1), help=f"{self.unit}; default {self.count}")
-        parser.add_argument("--seed", type=at_least(0), help="default: drawn")
-        parser.add_argument("--jobs", type=at_least(1), default=2)
+        if self.drawn:
+            parser.add_argument("--seed", type=at_least(0), help="default: drawn")
+        parser.add_argument("--jobs", type=at_least(1), default=self.jobs)
         parser.add_argument("--on", metavar="ADDRESS", help="of a Dask scheduler: its workers run the cases")
         parser.add_argument("--part", type=part, metavar="I/N", help="each N-th case, from the I-th on")
         parser.add_argument("--store", type=Path, default=STORE, help="file with the results")
@@ -208,7 +211,7 @@ class Campaign:
             parser.add_argument("--page", choices=["yes"], help=about)
         self.options(parser)
         given = parser.parse_args()
-        if given.seed is None:
+        if self.drawn and given.seed is None:
             given.seed = random.SystemRandom().randrange(1 << 31)
         if self.count:
             given.count = given.count or self.count
@@ -227,7 +230,10 @@ class Campaign:
         return self.measure(given) if code is None else code
 
     def measure(self, given: Namespace) -> int:
-        """Runs the cases whose results are not in the store; 1 if the card went wrong in any."""
+        """Runs the cases whose results are not in the store; 1 if the card went wrong in any.
+
+        A row with `missing` says what its case lacked: it is not kept, the others are run, and the code is 2.
+        """
         first, step = given.part or (1, 1)
         cases = self.cases(given)[first - 1 :: step]
         if not cases:
@@ -237,12 +243,17 @@ class Campaign:
         known = store.rows(self.name, of, config)
         left = [case for case in cases if case not in known]
         kept = f", {len(cases) - len(left)} of them from an earlier run" if len(left) < len(cases) else ""
-        print(f"{self.name}: {config} card, seed {given.seed}, {len(cases)} cases{kept}", flush=True)
-        followed = 0
+        seed = f", seed {given.seed}" if self.drawn else ""
+        print(f"{self.name}: {config} card{seed}, {len(cases)} cases{kept}", flush=True)
+        followed = missing = 0
         sources = changes(config)
         for case, row in self._outcomes(given, left, of):
             if changes(config) != sources:
                 raise EngineError("the card or an image has changed during the run: run the command again")
+            if "missing" in row:
+                missing += 1
+                print(f"{self.name}: {case}: {row['missing']}", file=sys.stderr, flush=True)
+                continue
             store.keep(self.name, of, config, case, row)
             known[case] = row
             if text := self.wrong(row):
@@ -250,12 +261,12 @@ class Campaign:
                 followed += 1
                 if followed <= FOLLOWED and (closer := self.follow(config, case)):
                     print(f"{self.name}:   {closer}", flush=True)
-        rows = {case: known[case] for case in cases}
+        rows = {case: known[case] for case in cases if case in known}
         print(f"{self.name}: {config} card: {self.said(rows)}")
         for case, text in ((case, self.wrong(row)) for case, row in rows.items()):
             if text:
                 print(f"  {case}: {text}")
-        return int(any(map(self.wrong, rows.values())))
+        return 2 if missing else int(any(map(self.wrong, rows.values())))
 
     def _outcomes(self, given: Namespace, cases: list[str], of: str) -> Iterator[tuple[str, Row]]:
         task = functools.partial(work, module=self.module, config=given.config)

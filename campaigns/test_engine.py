@@ -11,8 +11,10 @@ import functools
 import importlib
 import sqlite3
 import sys
+from argparse import Namespace
 from collections import Counter
 from concurrent.futures import ThreadPoolExecutor
+from dataclasses import asdict
 from pathlib import Path
 from types import SimpleNamespace
 
@@ -23,6 +25,8 @@ from campaigns.bench import judge, work
 from campaigns.bench.conformance import ROWS
 from campaigns.bench.run import CAMPAIGN as BENCH
 from campaigns.bench.run import pieces
+from campaigns.conformance.run import CAMPAIGN as CONFORMANCE
+from campaigns.conformance.run import subjects
 from campaigns.engine import Campaign, EngineError, Row, Store, total
 from campaigns.flips import run as flips_run
 from campaigns.flips.run import CAMPAIGN as FLIPS
@@ -34,6 +38,10 @@ from campaigns.fuzz.run import CAMPAIGN as FUZZ
 from campaigns.line_quality.limits import QUANTITIES
 from campaigns.line_quality.run import CAMPAIGN as LINE_QUALITY
 from campaigns.line_quality.run import PIECES
+from campaigns.masters.run import BY_ITSELF
+from campaigns.masters.run import CAMPAIGN as MASTERS
+from campaigns.masters.session import ENDLESS
+from campaigns.masters.test_masters import records_of
 from campaigns.soak import run as soak_run
 from campaigns.soak.run import CAMPAIGN as SOAK
 from campaigns.soak.run import Result
@@ -41,6 +49,8 @@ from campaigns.starts import run as starts_run
 from campaigns.starts.run import CAMPAIGN as STARTS
 from rtl.sources import ROOT
 from sim.harness.library import Target
+from sw.rtu2fc.cases import CASES
+from sw.rtu2fc.engine import FAIL, PASS, Verdict
 from tb.lib.rows import each_row
 from tb.lib.seeds import seeded
 from tb.model.told import Verdict as Told
@@ -181,6 +191,15 @@ def test_a_file_that_is_no_store_is_refused(squares, tmp_path):
 def test_a_part_without_a_case_is_no_failure(squares, capsys):
     assert squares("--count", "2", "--part", "3/4") == 0
     assert capsys.readouterr().out == "squares: part 3 of 4 has no case\n"
+
+
+def test_a_case_that_lacks_something_is_told_and_tried_again(squares, tmp_path, monkeypatch, capsys):
+    monkeypatch.setattr(
+        Squares, "run", lambda self, config, case: {"missing": "no cable"} if case == "7/1" else {"wrong": ""}
+    )
+    for _ in range(2):
+        assert squares() == 2 and capsys.readouterr().err == "squares: 7/1: no cable\n"
+        assert list(rows(tmp_path / "results.sqlite")) == ["7/0", "7/2", "7/3"]
 
 
 def test_an_image_that_changes_during_a_run_ends_it(squares, tmp_path, monkeypatch):
@@ -339,7 +358,33 @@ def measured(piece: work.Piece) -> Row:
     return outcome.row()
 
 
+def verdicts(slave: str) -> Row:
+    """Every test passed, but one by one slave of others."""
+    of = {case.number: Verdict(case.number, PASS) for case in CASES}
+    if slave == "shroubovak":
+        of["SL-1"] = Verdict("SL-1", FAIL, "no reply")
+    return {"wrong": "", "verdicts": [asdict(one) for one in of.values()]}
+
+
+def answers(case: str) -> Row:
+    """Of one master: right, but it waits for ever by itself."""
+    part = case.split("/")[1]
+    if part != BY_ITSELF:
+        return {"version": "1.0", "answers": records_of(part), "wrong": ""}
+    silent = {"builtin silent": [{"answer": ENDLESS, "sent": "", "took": 30.0}]}
+    soon = {what: [{"answer": {"values": [50]}}] * 5 for what in ("card read-word", "card silent")}
+    return {
+        "defaults": silent | soon,
+        "parity": {"values": [1]},
+        "example": "",
+        "system": "Linux",
+        "socat": "1.7",
+    }
+
+
 RESULTS = (
+    (CONFORMANCE, {name: verdicts(name) for name in subjects()}),
+    (MASTERS, {case: answers(case) for case in MASTERS.cases(Namespace(master=None, dialect=None))}),
     (BENCH, {f"7/{name}": measured(piece) for name, piece in pieces(7).items()}),
     (FUZZ, {"7/0": FRAMES, "8/0": FRAMES | {"differences": [{"case": "8/0", "what": ["no reply"]}]}}),
     (IMPATIENT, {"9/0": {"wrong": "", "asked": 3, "restless": 1}}),
@@ -367,6 +412,10 @@ def kept(tmp_path, monkeypatch) -> Store:
 @each_row(
     ("campaign", "said"),
     [
+        (CONFORMANCE, f"| Shroubovak/FPGA_Modbus_RTU | pins | d8db41c | {len(CASES) - 1} | 0 | 1 | 0 | 0 |"),
+        (CONFORMANCE, "**Shroubovak/FPGA_Modbus_RTU, pins: fails**\n\n- SL-1: no reply"),
+        (MASTERS, "| mbpoll 1.0 | never | yes | yes | 0.1 s | goes on without parity |"),
+        (MASTERS, "| read coil 129 | hvac_basic | 2 | **2** |"),
         (BENCH, "| local request: reply's first bit after t3.5 | ≤ 1 bit of the line | 0.50 | met |"),
         (BENCH, "- tiny: here: reply 1.250 bits after t3.5 (PERF-1)"),
         (BENCH, f"| at once | yes | {sum('random' in name for name in pieces(7)) // 2} | - |"),

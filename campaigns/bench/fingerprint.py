@@ -30,13 +30,21 @@ HARNESS = [ROOT / "sim/harness" / name for name in ("card_library.cpp", "card_mo
 JUDGES: dict[str, tuple[tuple[str, ...], tuple[str, ...]]] = {
     "starts": (("tb.lib.starts",), ()),
     "flips": (("campaigns.flips.group",), ()),
+    "conformance": (
+        ("campaigns.conformance.run", "campaigns.conformance.pins_bench"),
+        ("campaigns/conformance/designs.toml", "campaigns/conformance/designs/*.*"),
+    ),
+    "masters": (
+        ("campaigns.masters.run",),
+        ("campaigns/masters/adapters/*.*", "campaigns/masters/example_programs/*.*"),
+    ),
     "fuzz": (("campaigns.fuzz.trial", "campaigns.fuzz.impatient"), ("tb/captures/*.sr",)),
 }
 # The simulated card with its far ends, and the drive.
 AROUND = ("sim/harness", "sim/card", "sim/drive")
 # They change no verdict.
 TEXTS = {"campaigns.engine", "campaigns.bench.fingerprint", "campaigns.fuzz.report", "rtl.command"}
-TEXTS |= {"rtl.report_page", "tb.lib.bound", "tb.lib.options"}
+TEXTS |= {"campaigns.masters.page", "rtl.report_page", "tb.lib.bound", "tb.lib.options"}
 DIGITS = 12
 
 

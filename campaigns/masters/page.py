@@ -1,38 +1,21 @@
 # SPDX-License-Identifier: Apache-2.0
-"""build/reports/masters.md and the tables of the handbook's page, from answers.json."""
+"""The tables of build/reports/masters.md, and those of the handbook's page."""
 
 from __future__ import annotations
 
-import json
-from functools import cache
-from pathlib import Path
+from typing import Any
 
 from campaigns.masters import faults
 from campaigns.masters.cases import Case, cases
 from campaigns.masters.judge import CRASH, NUMBER, TIME_OUT, how
-from campaigns.masters.masters import BY_ID, HERE, MASTERS, Master
+from campaigns.masters.masters import MASTERS, Master
 from campaigns.masters.session import ENDLESS
+from rtl.report_page import evidence
 from tb.model.card import DIALECTS
 
-ANSWERS = HERE / "answers.json"
-TEMPLATE = HERE / "masters.md.in"
+TIME_OUTS = "Their own time-outs"  # the heading
 LONG = 60  # characters; a longer text is cut to its first part in the wide table
 RIGHT = "✓"
-
-
-class PageError(Exception):
-    """Error for the user, in one line."""
-
-
-@cache
-def load(path: Path = ANSWERS) -> dict:
-    try:
-        results = json.loads(path.read_text())
-    except (OSError, ValueError):
-        raise PageError(f"{path.name} is no result of `make masters`") from None
-    if not isinstance(results, dict) or "masters" not in results:
-        raise PageError(f"{path.name} is no result of `make masters`")
-    return results
 
 
 def table(heads: list[str], rows: list[list[object]]) -> str:
@@ -48,9 +31,10 @@ def words(answer: dict) -> str:
 
 
 def name(results: dict, master: Master) -> str:
+    found = results[master.id]
     if master.by_tcp:
-        return f"{master.title}, socat {results['socat']}"
-    return f"{master.title.removesuffix(' 2')} {results['masters'][master.id]['version']}"
+        return f"{master.title}, socat {found['socat']}"
+    return f"{master.title.removesuffix(' 2')} {found['version']}"
 
 
 # ---------------------------------------------------------------- the one table
@@ -80,7 +64,7 @@ def matrix(results: dict) -> str:
     for (case_id, expected), members in sorted(groups.items(), key=lambda item: order.index(item[0][0])):
         cells = []
         for master in MASTERS:
-            records = results["masters"][master.id]["dialects"]
+            records = results[master.id]["dialects"]
             shown = {short(case, records[dialect][case_id]["answer"]): None for dialect, case in members}
             cells.append(" / ".join(shown))
         among = "all" if len(members) == len(DIALECTS) else ", ".join(dialect for dialect, _ in members)
@@ -116,12 +100,12 @@ def waits(own: dict, what: str) -> str:
 
 def exception_s(results: dict, master: Master) -> str:
     """Time to an exception that the card itself gives."""
-    return spell(results["masters"][master.id]["dialects"]["card"]["address"]["took"])
+    return spell(results[master.id]["dialects"]["card"]["address"]["took"])
 
 
 def least_s(results: dict, case_id: str) -> str:
     """Shortest time that any master needed for a request in the dialect `card`."""
-    return spell(min(master["dialects"]["card"][case_id]["took"] for master in results["masters"].values()))
+    return spell(min(master["dialects"]["card"][case_id]["took"] for master in results.values()))
 
 
 def parity(record: dict) -> str:
@@ -131,7 +115,7 @@ def parity(record: dict) -> str:
 def time_outs(results: dict) -> str:
     rows = []
     for master in MASTERS:
-        found = results["masters"][master.id]
+        found = results[master.id]
         own = found["defaults"]
         rows.append(
             [
@@ -154,44 +138,30 @@ def time_outs(results: dict) -> str:
     return table(heads, rows)
 
 
-def layout(value: object, depth: int = 5) -> str:
-    """JSON with a line for each dialect of a master, and one for all that it does by itself."""
-    if depth == 0 or not isinstance(value, dict) or not any(isinstance(one, dict) for one in value.values()):
-        return json.dumps(value, ensure_ascii=False)
-    entries = [f"{json.dumps(key)}: {layout(entry, depth - 1)}" for key, entry in value.items()]
-    return "{\n" + ",\n".join(entries) + "\n}"
+def parts(results: dict[str, dict]) -> dict[str, Any]:
+    """What the template takes, from all that each master did."""
+    return {
+        "system": next(iter(results.values()))["system"],
+        "reading": least_s(results, "read-word"),
+        "silent": least_s(results, "silent"),
+        "matrix": matrix(results),
+        "timeouts": time_outs(results),
+    }
 
 
-def page(results: dict) -> str:
-    return TEMPLATE.read_text().format(
-        measured=f"card `{results['card']}`, firmware sources `{results['sources']}`",
-        system=results["system"],
-        reading=least_s(results, "read-word"),
-        silent=least_s(results, "silent"),
-        timeout=f"{results['timeout_s']:g}",
-        matrix=matrix(results),
-        timeouts=time_outs(results),
-    )
-
-
-# ---------------------------------------------------------------- the table of the handbook
+# ---------------------------------------------------------------- the tables of the handbook
 
 
 def tables() -> dict[str, object]:
     """For tools/handbook.py: the generated blocks of docs/guide/handbook/masters.md."""
-    return {"masters-time-outs": lambda: own_time_outs(load()), "masters-faults": faults.table}
+    return {"masters-time-outs": own_time_outs, "masters-faults": faults.table}
 
 
-def own_time_outs(results: dict) -> str:
-    """The time-outs, and whether an owner has to set them."""
+def own_time_outs() -> str:
+    """The time-outs. An owner has to set one that is endless, or too short for a reading or for code 255."""
     rows = []
-    for master in BY_ID.values():
-        own = results["masters"][master.id]["defaults"]
-        rows.append([master.title, gave_up(own["builtin silent"][0]), "yes" if needs(own) else "no"])
+    for master, row in zip(MASTERS, evidence()["masters"]["tables"][TIME_OUTS][1:], strict=True):
+        _, waits, reading, silent, *_ = row
+        needs = waits == "never" or {reading, silent} != {"yes"}
+        rows.append([master.title, waits, "yes" if needs else "no"])
     return table(["master", "by itself gives up after", "time-out must be set"], rows)
-
-
-def needs(own: dict) -> bool:
-    """Too short for a reading or for code 255, or endless."""
-    endless = own["builtin silent"][0]["answer"] == ENDLESS
-    return endless or {waits(own, "card read-word"), waits(own, "card silent")} != {"yes"}
