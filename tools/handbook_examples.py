@@ -77,6 +77,7 @@ LATER = Step("ten seconds later: read the motor current", CURRENT, wait=10)
 STATE = Step("read status word and output frequency", rtu.read_coils(STATE_COIL, 32))
 INDEX = 0  # register 40001 on the wire
 RUNS_ON = "**The motor still runs.** Stop it as in [ramp stop](#ramp-stop)."
+BY_COMMAND = "`rtu2fc {} {}` does all these steps, and says whether the drive obeyed."
 
 
 def runs(drive: VltDrive) -> None:
@@ -91,7 +92,7 @@ EXAMPLES = (
         "manual p19",
         (START, LATER, STATE),
         "the motor runs at its reference",
-        after=RUNS_ON,
+        after=f"{RUNS_ON} {BY_COMMAND.format('start', f'{PORT} 40')}",
     ),
     Example(
         "Ramp stop",
@@ -99,6 +100,7 @@ EXAMPLES = (
         (Step("ramp stop", command(0x043C, 0)), LATER, STATE),
         "the motor has stopped, and the drive is ready",
         runs,
+        BY_COMMAND.format("stop", PORT),
     ),
     Example(
         "Coast stop",
@@ -106,7 +108,8 @@ EXAMPLES = (
         (Step("coast stop", command(0x2C20, 0)), LATER, STATE),
         "the drive has let go of the motor",
         runs,
-        "The drive says *stopped* at once. The shaft may still turn: look at it.",
+        "The drive says *stopped* at once. The shaft may still turn: look at it. "
+        "This word of the manual also sets relay 1 and the setup; 0434h coasts without them.",
     ),
     Example(
         "Reset of a trip",
@@ -132,7 +135,7 @@ EXAMPLES = (
         "Write the motor frequency, parameter 104",
         "manual p21",
         (Step("60 Hz", rtu.write_register(1039, 60)), Step("read it back", rtu.read_registers(1039, 1))),
-        "the motor stands; the number is that of the motor's nameplate, not its speed",
+        "the motor stands; **write only the number on the motor's nameplate**",
     ),
     Example(
         "Write a display text, parameter 533",
@@ -159,9 +162,10 @@ EXAMPLES = (
         "manual p18",
         (
             Step("set coil 65", rtu.write_coil(64, True)),
-            Step("a parameter, to RAM and EEPROM", rtu.write_register(1039, 50)),
+            Step("the large line of the display, to RAM and EEPROM", rtu.write_register(69, 2)),
             Step("clear coil 65", rtu.write_coil(64, False)),
         ),
+        "a value that is wrong for the motor would be wrong for good",
     ),
     Example(
         "Stop all drives by a broadcast",

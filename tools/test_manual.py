@@ -68,7 +68,10 @@ def test_the_order_of_the_steps():
         "stop every drive of the network. Unplug the network cable at the master"
         in said["Machine and network"]
     )
-    assert said["Power"].startswith(" Disconnect the drive from the line. Wait 14 minutes")
+    assert re.match(
+        " Disconnect the drive from the line, and lock its switch.*. Wait 14 minutes", said["Power"]
+    )
+    assert "Wire the stop that needs neither bus nor card" in said["Wire the 6-pin connector"]
     assert "leave one of the baud switches 6-9 OFF" in said["Take out the old card"]
     assert "Only then connect the network, to a master that [sends no start]" in said["Power on"]
 
@@ -86,7 +89,7 @@ def test_the_order_of_the_handbook():
             "Switch on. After 2 seconds both LEDs flash red",
             "Never open a live drive",
             "Connect the network, and read register 40003",
-            "The motor turns now: keep the stop of step 1 within reach. Write the [start",
+            "The motor turns now: keep the stop of step 1 within reach. For the first run take",
         )
     ]
     assert at == sorted(at)
