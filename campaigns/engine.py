@@ -31,7 +31,7 @@ from jinja2 import Environment, StrictUndefined
 
 from campaigns.bench import fingerprint
 from rtl.command import Parser, in_processes, run_main
-from rtl.report_page import publish
+from rtl.report_page import publish, tables
 from rtl.sources import ROOT, card_files, configurations
 from sw.test import host
 from tb.lib import bound
@@ -156,7 +156,8 @@ class Campaign:
     every_dialect = False  # whether cases run other images than that of `card`
     drawn = True  # whether cases follow from a seed
     jobs = 2  # processes by default
-    keep: tuple[str, ...] = ("",)  # headings of the page whose tables go into docs/evidence.json
+    # Headings of the page whose tables go into docs/evidence.json; none: that of its first table.
+    keep: tuple[str, ...] = ()
 
     def options(self, parser: Parser) -> None:
         """Options of its own."""
@@ -339,7 +340,8 @@ class Campaign:
         return ROOT / Path(*self.module.split(".")[:-1], f"{self.name}.md.in")
 
     def subjects(self) -> list[str]:
-        return ["standard card", "tiny card", "firmware", f"{self.module.split('.')[1]} judge"]
+        cards = [f"{config} card" for config in self.configs]
+        return [*cards, "firmware", f"{self.module.split('.')[1]} judge"]
 
     def publish(self, store: Store) -> None:
         made = {
@@ -349,9 +351,11 @@ class Campaign:
             "bound": bound.words,
         }
         text = page(self.template().read_text(), made | self.context(store))
-        publish(
-            self.name, text, self.command, fingerprint.now(*self.subjects()), self.about(store), self.keep
-        )
+        found = tables(text)
+        keep = self.keep or list(found)[:1]
+        if missing := [heading for heading in keep if heading not in found]:
+            raise EngineError(f"the page has no table below {', '.join(map(repr, missing))}")
+        publish(self.name, text, self.command, fingerprint.now(*self.subjects()), self.about(store), keep)
 
 
 def page(template: str, values: dict[str, Any]) -> str:

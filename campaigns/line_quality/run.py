@@ -41,9 +41,6 @@ class LineQuality(Campaign):
     def wrong(self, row: Row) -> str:
         return "; ".join(faults([Limit(**one) for one in row["limits"]]))
 
-    def subjects(self) -> list[str]:
-        return ["standard card", "firmware", "line_quality judge"]
-
     def said(self, rows: dict[str, Row]) -> str:
         limits = limits_of(rows)
         lines = sorted({(one.line, one.form) for one in limits})

@@ -72,9 +72,6 @@ class Masters(Campaign):
             "socat": socat_version(),
         }
 
-    def subjects(self) -> list[str]:
-        return ["standard card", "firmware", "masters judge"]
-
     def said(self, rows: dict[str, Row]) -> str:
         """The sums; of one master every answer, too."""
         shown, asked = [], 0
