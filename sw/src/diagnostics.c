@@ -37,6 +37,11 @@ static const struct object {
     {sizeof CARD_VERSION - 1, CARD_VERSION},
 };
 
+enum { TEXTS = sizeof "rtu2fc" + sizeof "card" + sizeof CARD_VERSION - OBJECTS };
+
+/* A version that is too long for the answer with all objects does not compile. */
+typedef char version_fits[!DIAGNOSTICS || AT_OBJECTS + 2 * OBJECTS + TEXTS <= REPLY_PDU_MAX ? 1 : -1];
+
 static const char server_id[] = "rtu2fc " CARD_VERSION "\xFF"; /* the last byte: it runs */
 
 enum { COUNTERS = (COUNT_COMPLETED_address - COUNT_CRC_address) / FRAME_STRIDE + 1 };

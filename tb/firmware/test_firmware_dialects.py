@@ -464,6 +464,13 @@ FRAME-7: an exchange whose reply was dropped is still completed
 FC-9: the second exchange has a repeat of its own
     ask READ_TEXT; wait 152; answers NO_NUMBER; sent ASK_NUMBER ASK_NUMBER ASK_TEXT; silent;
     sent-from 3 ASK_TEXT; answers TELL_TEXT; replied REPLY_TEXT
+FC-9, SAFE-8: an image keeps its repeat although its place held a second telegram
+    exchange READ_TEXT NO_NUMBER; request START; local READ_INDEX; answers TELL_TEXT;
+    sent ASK_NUMBER ASK_TEXT SEND_START; ends; local 05_0040_FF00; wait 160; sent-from 2 SEND_START*2
+FRAME-7, FC-9: a reading that was given up on a busy line sends nothing later
+    busy; request 06_040F_003C; request READ_TEXT; wait 400; +free; poll;
+    sent 81_2068_0000_0000_003C_0000_0000; answers 1068_0000_0000_003C_0F03_2000; wait 400; sent-count 1;
+    replied
 FC-9, LED-4: a drive silent in the second exchange gives no reply
     exchange READ_TEXT NO_NUMBER; silent 2; wait 3000; sent ASK_NUMBER ASK_TEXT ASK_TEXT; replied;
     lit DRIVE_RED

@@ -255,6 +255,8 @@ FRAME-7, SAFE-8: two changes of the image on a busy line, one of them for all, a
 FRAME-6, FRAME-7: a stop that waits leaves although a later frame is revoked
     ask READ_514; request STOP; +candidate 05_0001_FF00; +character; poll; drive TELL_514; wait 5;
     sent ASK_514 US:TELEGRAM_OF_STOP
+EXC, FRAME-7: a line that was busy for an older write brings no answer to what gets none
+    busy; request SET_207; request 81_00; wait 400; replied
 FC-9: a request just before the end of an older telegram's wait has a wait of its own
     busy; request SET_207; wait 145; request READ_514; wait 10; replied; wait 155; replied 01_83_FF
 FRAME-7: only a newer write of its kind takes the place of a parameter write after its 255
@@ -463,6 +465,11 @@ SAFE-7, FC-9: the firmware's clock alone prevents no repeat
     request READ_514; set limit 0x80000; ends; wait 160; sent SEND_START ASK_514*2
 SAFE-7, FC-9: the stop is repeated once
     wait 85; ends; wait 160; ends; wait 1000; sent SEND_START SEND_STOP SEND_STOP
+SAFE-7, SAFE-8: a stop that a busy line held up leaves when the line is free
+    busy; wait 600; sent SEND_START; +free; poll; sent SEND_START SEND_STOP
+SAFE-7, FC-9: the stop is newer than a write that waits, and keeps its repeat
+    local 06_0002_0020; ask READ_514; request SET_207; wait 100; drive TELL_514; sent-from 2 SEND_STOP;
+    ends; wait 400; sent-from 2 SEND_STOP*2
 SAFE-7, FC-9: the stop ends the wait for a dead drive
     local 06_0002_03E8; ask READ_514; wait 140; sent-count 2; wait 20; sent SEND_START ASK_514 SEND_STOP
 """
