@@ -25,6 +25,7 @@ from __future__ import annotations
 
 import argparse
 import csv
+import json
 import re
 import sys
 from dataclasses import dataclass, field
@@ -247,10 +248,6 @@ def read_profile(path: Path, capacity: Capacity) -> Profile:
     return profile
 
 
-def c_string(text: str) -> str:
-    return '"' + text.replace("\\", "\\\\").replace('"', '\\"') + '"'
-
-
 def c_number(value: int) -> str:
     return f"INT64_C({value})"
 
@@ -262,12 +259,10 @@ def render_tables(profile: Profile, roles: list[str]) -> list[str]:
     lines = [f"static const drive_parameter_t {name}_parameters[] = {{"]
     for p in profile.parameters:
         role = f"DRIVE_ROLE_{(p.role or 'none').upper()}"
-        lines.append(
-            f"    {{{p.pnu}, DRIVE_{p.type.upper()}, {ACCESS[p.access]}, {role}, {p.conversion}, "
-            f"{'true' if p.while_running else 'false'}, {p.array}, {p.slot}, {c_number(p.min)}, "
-            f"{c_number(p.max)}, {c_number(p.initial)}, {c_string(p.text)}, {c_string(p.name)}, "
-            f"{c_string(p.unit)}}},"
-        )
+        cells = (p.pnu, f"DRIVE_{p.type.upper()}", ACCESS[p.access], role, p.conversion)
+        cells += (str(p.while_running).lower(), p.array, p.slot)
+        cells += (*map(c_number, (p.min, p.max, p.initial)), *map(json.dumps, (p.text, p.name, p.unit)))
+        lines.append(f"    {{{', '.join(map(str, cells))}}},")
     lines += ["};", "", f"static const uint16_t {name}_by_role[DRIVE_ROLE_COUNT] = {{", f"    {ROLE_NONE},"]
     lines += [f"    {place.get(role, ROLE_NONE)}, /* {role} */" for role in roles]
     lines += ["};", ""]

@@ -8,7 +8,6 @@ hand-made ones.
 
 from __future__ import annotations
 
-import itertools
 import subprocess
 import sys
 from collections.abc import Iterator
@@ -21,7 +20,6 @@ from sim.drive.drive_bench import (
     DC_BRAKE,
     FREEZE,
     FULL_SPEED,
-    QUICK_STOP,
     RAMP_STOP,
     RESET,
     REVERSE,
@@ -342,14 +340,6 @@ def test_a_control_word_without_bit_10_is_ignored_with_its_reference():
     assert (drive.control_word, drive.reference_word) == (START, 0x2000)
 
 
-def test_a_stop_wins_over_start_jog_and_freeze():
-    for stop, jog in itertools.product((COAST, QUICK_STOP, DC_BRAKE), (0, 0x0100)):
-        drive = brought_to(50)
-        control(drive, (stop | jog) & ~0x0020, FULL_SPEED)
-        drive.step(10 * SECOND)
-        assert hertz(drive) == 0, (stop, jog)
-
-
 def test_the_dc_brake_holds_current_for_its_time():
     drive = brought_to(50)
     ask(drive, fc.AK_WRITE_WORD, 114, 80)
@@ -374,17 +364,6 @@ def test_freeze_keeps_the_frequency_until_it_is_released():
     assert control(drive, 0) == (0x0F03, 0x4000)
 
 
-def test_bit_15_reverses_only_if_506_allows_the_bus():
-    """Default of 506 is 0, digital input; 2 needs the (unwired) input as well."""
-    for selector, reverses in enumerate((False, True, False, True)):
-        drive = VltDrive()
-        ask(drive, fc.AK_WRITE_WORD, 506, selector)
-        control(drive, START | REVERSE, 0x2000)
-        drive.step(10 * SECOND)
-        assert hertz(drive) == (-25 if reverses else 25), selector
-        assert control(drive, 0)[1] == (0xE000 if reverses else 0x2000)
-
-
 def test_a_negative_reference_turns_the_motor_backwards_through_standstill():
     drive = brought_to(25)
     control(drive, START, 0xE000)
@@ -394,15 +373,27 @@ def test_a_negative_reference_turns_the_motor_backwards_through_standstill():
     assert (hertz(drive), control(drive, 0)) == (-25, (0x0F03, 0xE000))
 
 
-def test_reference_type_joins_bus_and_preset():
-    """Sum, sum limited to 100 %, relative, external."""
-    for kind, preset, expected_hz in ((0, 5000, 50), (0, 6000, 50), (1, 5000, 37.5), (2, 5000, 25)):
+MOTIONS = (
+    # Bit 15 reverses only if 506 allows the bus: its default 0 and 2 need the digital input, not wired.
+    *(({506: selector}, START | REVERSE, 0x2000, hz) for selector, hz in enumerate((25, -25, 25, -25))),
+    # 505 reserves the start for the digital input.
+    ({505: 0}, START, FULL_SPEED, 0),
+    # 210 joins the references of bus and preset: sum, sum limited to 100 %, relative, external.
+    *(
+        ({202: 1000, 210: kind, 211: preset}, START, 0x2000, hz)
+        for kind, preset, hz in ((0, 5000, 50), (0, 6000, 50), (1, 5000, 37.5), (2, 5000, 25))
+    ),
+)
+
+
+def test_parameters_decide_what_a_control_word_does():
+    for settings, word, reference, hz in MOTIONS:
         drive = VltDrive()
-        for pnu, value in ((202, 1000), (210, kind), (211, preset)):
-            ask(drive, fc.AK_WRITE_WORD, pnu, value)
-        control(drive, START, 0x2000)
+        for pnu, value in settings.items():
+            assert ask(drive, fc.AK_WRITE_WORD, pnu, value).fault is None
+        control(drive, word, reference)
         drive.step(20 * SECOND)
-        assert hertz(drive) == expected_hz, (kind, preset)
+        assert hertz(drive) == hz, settings
 
 
 def test_reference_spans_204_to_205_and_output_frequency_201_to_202():
@@ -420,12 +411,6 @@ def test_reference_spans_204_to_205_and_output_frequency_201_to_202():
     assert (hertz(drive), control(drive, START, 0x7FFF)[1]) == (20, 0), "not below 201"
     drive.step(20 * SECOND)
     assert (hertz(drive), control(drive, 0)[1]) == (30, 0x4000), "not above 202"
-
-
-def test_the_bus_cannot_start_what_505_reserves_for_the_digital_input():
-    drive = VltDrive()
-    ask(drive, fc.AK_WRITE_WORD, 505, 0)
-    assert control(drive, START, FULL_SPEED) == (0x0607, 0)
 
 
 def test_trip_stops_the_output_and_only_an_edge_resets_it():
