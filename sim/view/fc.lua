@@ -204,15 +204,6 @@ local function drive_of()
 end
 
 -- ---------------------------------------------------------------- process words
-local function add_bits(tree, range, fields, drive, low_byte_first)
-  for _, entry in ipairs(fields) do
-    if not entry.only or drive.kinds[entry.only] then
-      local add = low_byte_first and tree.add_le or tree.add
-      add(tree, entry.field, range)
-    end
-  end
-end
-
 local function add_process(tree, range, reply, drive)
   local first, second = range(0, 2), range(2, 2)
   local word = reply and f.status or f.control
@@ -220,7 +211,11 @@ local function add_process(tree, range, reply, drive)
   if not reply and first:bitfield(BIT_15 - DATA_VALID, 1) == 0 then
     branch:append_text(" (ignored: data not valid)")
   end
-  add_bits(branch, first, reply and status_bits or control_bits, drive)
+  for _, entry in ipairs(reply and status_bits or control_bits) do
+    if not entry.only or drive.kinds[entry.only] then
+      branch:add(entry.field, first)
+    end
+  end
   local share = percent(second:uint())
   tree:add(reply and f.frequency or f.reference, second):append_text(string.format(" (%.2f %%)", share))
   tree:add(reply and f.frequency_percent or f.reference_percent, second, share)
@@ -453,15 +448,17 @@ local function add_coils(tvb, root, first, count, value)
     return bits.band(value(math.floor(at / 8), 1):uint(), 2 ^ (at % 8)) ~= 0
   end
   local tree = root:add(network, value)
+  local branch = tree
   if first == 0 and last >= WORD_COILS - 1 then
-    local word = value(0, 2)
-    add_bits(tree:add_le(n.control, word), word, control_bits, drive_of(), true)
+    branch = tree:add_le(n.control, value(0, 2))
   elseif first < WORD_COILS then
     tree:append_text(string.format(first == last and ", coil %d" or ", coils %d-%d", first + 1, last + 1))
+  end
+  if first < WORD_COILS then
     for _, entry in ipairs(control_bits) do
       local known = not entry.only or drive_of().kinds[entry.only]
       if known and entry.bit >= first and entry.bit <= last then
-        tree:add(entry.field, value, bit_of(entry.bit) and 2 ^ entry.bit or 0)
+        branch:add(entry.field, value, bit_of(entry.bit) and 2 ^ entry.bit or 0)
       end
     end
   end

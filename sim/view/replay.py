@@ -1,21 +1,12 @@
 # SPDX-License-Identifier: Apache-2.0
 """Plays a recorded bus to the whole card; prints a row a frame: candidate, committed, or dropped and why.
 
-    python -m sim.view.replay FILE --unit 1 --baud 9600 [--channel RX] [--format 8N2] [--invert yes]
-                              [--replies no] [--for SECONDS] [--config tiny] [--dialect builtin]
-                              [--strict-t15 no] [--break-tolerant yes]
+    python -m sim.view.replay FILE --unit 1 --baud 9600 [OPTION ...]
 
-FILE: a recording of a logic analyser (capture.py). Its edges reach the network pin of a card at their own
-times. The card has its own clock, its firmware, and a simulated VLT 6000 on the drive line. It starts before
-the recording does.
-
-Rows: `bus`, a frame of the recording, or a part of one before a silence of 1.5 characters; `reply` and
-`telegram`, sent by the card. Columns: time in s of the recording, silence on the network line before it in
-characters of 11 bits (negative: both send), row, what became of the frame, bytes. The reason of a drop is the
-counter that went up before the next frame. --replies no: replies of the recorded slave of this unit are left
-out, as if the card were there in its place. Suspicions come before the table: they follow from the recording
-alone. --config, --dialect, --strict-t15, --break-tolerant: another build of the card.
-Exit code: 2 for a wrong option, or a recording without a character. Rules: FRAME-1 ... FRAME-8.
+docs/guide/recordings.md explains options and rows. The card has its own clock, its firmware, and a simulated
+VLT 6000 on the drive line, and starts before the recording does. The reason of a drop is the counter that
+went up before the next frame. Exit code 2: a wrong option, or a recording without a character.
+Rules: FRAME-1 ... FRAME-8.
 """
 
 from __future__ import annotations
@@ -380,27 +371,20 @@ def first_seconds(edges: list[tuple[int, int]], clocks: float) -> list[tuple[int
 
 def arguments(words: Sequence[str] | None) -> argparse.Namespace:
     parser = Parser(prog="replay", description=__doc__.splitlines()[0])
-    parser.add_argument("file", type=Path, metavar="FILE", help="a sigrok session (.sr) or a VCD file")
-    parser.add_argument("--unit", type=int, required=True, metavar="1...247", help="address of the card")
-    parser.add_argument("--baud", type=int, required=True, choices=sorted(BAUDS), help="bit/s")
-    parser.add_argument("--channel", help="name of the channel; without it the only one that changes")
-    parser.add_argument(
-        "--format", default=FACTORY, choices=sorted(FORMS), help="default: 8N2, as from the factory"
-    )
-    parser.add_argument("--invert", default="no", choices=YES_NO, help="the channel is low in silence")
-    parser.add_argument(
-        "--replies", default="yes", choices=YES_NO, help="no: without those of the recorded slave"
-    )
-    parser.add_argument(
-        "--for", type=float, default=float("inf"), dest="seconds", help="only so many s of the recording"
-    )
-    parser.add_argument(
-        "--config", default=CONFIG, choices=sorted(configurations()), help="default: standard"
-    )
-    parser.add_argument("--dialect", default=DIALECT, choices=sorted(DIALECTS), help="default: card")
+    add = parser.add_argument
+    add("file", type=Path, metavar="FILE", help="a sigrok session (.sr) or a VCD file")
+    add("--unit", type=int, required=True, metavar="1...247", help="address of the card")
+    add("--baud", type=int, required=True, choices=sorted(BAUDS), help="bit/s")
+    add("--channel", help="name of the channel; without it the only one that changes")
+    add("--format", default=FACTORY, choices=sorted(FORMS), help="default: 8N2, as from the factory")
+    add("--invert", default="no", choices=YES_NO, help="the channel is low in silence")
+    add("--replies", default="yes", choices=YES_NO, help="no: without those of the recorded slave")
+    add("--for", type=float, default=float("inf"), dest="seconds", help="only so many s of the recording")
+    add("--config", default=CONFIG, choices=sorted(configurations()), help="default: standard")
+    add("--dialect", default=DIALECT, choices=sorted(DIALECTS), help="default: card")
     for option, usual in OPTIONS.items():
         name = f"--{option.lower().replace('_', '-')}"
-        parser.add_argument(name, default=usual, choices=YES_NO, help=f"{option} of the firmware")
+        add(name, default=usual, choices=YES_NO, help=f"{option} of the firmware")
     options = parser.parse_args(words)
     if options.config == "tiny" and options.dialect != DIALECT:
         parser.error(f"the configuration tiny speaks the dialect {DIALECT} alone")

@@ -10,7 +10,6 @@ import json
 import os
 import re
 import subprocess
-from dataclasses import dataclass
 from pathlib import Path
 
 import cocotb
@@ -25,7 +24,7 @@ from sim.view.wave_file import WaveFile
 from sim.view.waves import missing, save_file
 from tb.agents import rtu
 from tb.agents.crc16 import with_crc
-from tb.agents.uart import Format
+from tb.agents.uart import Character, Format
 from tb.lib.recording import DRIVE, MODBUS, Recorder
 from tb.lib.runner import WAVES_FOLDER, run
 from tb.model import fc_telegram
@@ -43,20 +42,11 @@ TSHARK_FIELDS = (
 )
 # Bits of the capture's packet flags.
 CRC_ERROR, TOO_SHORT, TOO_LONG, WRONG_GAP, NO_START, SYMBOL_ERROR = 24, 26, 25, 27, 29, 31
+GAP = "gap: not complete after 5 bytes, then 2.00 characters of silence"
+REVOKED = "revoked: good after 8 bytes, but 2.00 characters later the next one began"
 
 
 # ---------------------------------------------------------------- the recorder alone
-@dataclass(frozen=True)
-class Heard:
-    """A character as the benches' monitors report it."""
-
-    byte: int
-    start_ps: int
-    end_ps: int
-    parity_ok: bool = True
-    stop_ok: bool = True
-
-
 class Talk:
     """Sends characters one after the other into a recorder, on both lines at 9600 bit/s."""
 
@@ -72,23 +62,14 @@ class Talk:
     def say(self, line: int, from_card: bool, data: bytes, bad_parity: int = -1, bad_stop: int = -1) -> None:
         for number, byte in enumerate(data):
             start, self.now_ps = self.now_ps, self.now_ps + CHARACTER_PS
-            heard = Heard(byte, round(start), round(self.now_ps), number != bad_parity, number != bad_stop)
+            heard = Character(
+                byte, round(start), round(self.now_ps), number != bad_parity, number != bad_stop
+            )
             self.recorder.character(line, from_card, heard)
 
 
 def log_of(base: Path) -> list[dict]:
     return [json.loads(line) for line in Path(f"{base}.jsonl").read_text().splitlines()]
-
-
-def agreed_entries(tmp_path: Path, talk) -> list[tuple[dict, dict]]:
-    """Pairs each log entry of a talk with tshark's packet; both must agree."""
-    base = tmp_path / "lines"
-    with Recorder(base) as recorder:
-        talk(Talk(recorder))
-    entries = [e for e in log_of(base) if "line" in e]
-    packets = tshark.fields(Path(f"{base}.pcapng"), *TSHARK_FIELDS)
-    check_capture(entries, packets)
-    return list(zip(entries, packets, strict=True))
 
 
 def check_capture(entries: list[dict], packets: list[dict]) -> None:
@@ -108,52 +89,34 @@ def check_capture(entries: list[dict], packets: list[dict]) -> None:
 @pytest.mark.parametrize(
     ("line", "pieces", "flaws", "words", "bit"),
     [
-        pytest.param(MODBUS, [READ_CONTROL[:-1] + b"\0"], {}, "CRC wrong", CRC_ERROR, id="CRC"),
-        pytest.param(
-            MODBUS, [READ_CONTROL], {"bad_parity": 2}, "parity wrong in byte 3", SYMBOL_ERROR, id="parity"
-        ),
-        pytest.param(
-            MODBUS, [READ_CONTROL], {"bad_stop": 7}, "stop bit wrong in byte 8", SYMBOL_ERROR, id="stop bit"
-        ),
-        pytest.param(MODBUS, [READ_CONTROL[:3]], {}, "too short for a frame", TOO_SHORT, id="short"),
-        pytest.param(MODBUS, [bytes(257)], {}, "too long for a frame", TOO_LONG, id="long"),
-        pytest.param(
-            MODBUS,
-            [READ_CONTROL[:5], READ_CONTROL],
-            {},
-            "gap: not complete after 5 bytes, then 2.00 characters of silence",
-            WRONG_GAP,
-            id="gap",
-        ),
-        pytest.param(
-            MODBUS,
-            [READ_CONTROL, b"\x01"],
-            {},
-            "revoked: good after 8 bytes, but 2.00 characters later the next one began",
-            WRONG_GAP,
-            id="revoked",
-        ),
-        pytest.param(DRIVE, [START[:-1] + b"\0"], {}, "BCC wrong", CRC_ERROR, id="BCC"),
-        pytest.param(DRIVE, [b"\3" + START[1:]], {}, "no STX", NO_START, id="STX"),
-        pytest.param(DRIVE, [START[:5]], {}, "gap: silence after 5 of 8 bytes", WRONG_GAP, id="cut short"),
-        pytest.param(DRIVE, [START + b"\0"], {}, "LGE does not fit the length", TOO_LONG, id="LGE"),
-        pytest.param(
-            DRIVE, [START], {"bad_parity": 0}, "parity wrong in byte 1", SYMBOL_ERROR, id="drive parity"
-        ),
+        (MODBUS, [READ_CONTROL[:-1] + b"\0"], {}, "CRC wrong", CRC_ERROR),
+        (MODBUS, [READ_CONTROL], {"bad_parity": 2}, "parity wrong in byte 3", SYMBOL_ERROR),
+        (MODBUS, [READ_CONTROL], {"bad_stop": 7}, "stop bit wrong in byte 8", SYMBOL_ERROR),
+        (MODBUS, [READ_CONTROL[:3]], {}, "too short for a frame", TOO_SHORT),
+        (MODBUS, [bytes(257)], {}, "too long for a frame", TOO_LONG),
+        (MODBUS, [READ_CONTROL[:5], READ_CONTROL], {}, GAP, WRONG_GAP),
+        (MODBUS, [READ_CONTROL, b"\x01"], {}, REVOKED, WRONG_GAP),
+        (DRIVE, [START[:-1] + b"\0"], {}, "BCC wrong", CRC_ERROR),
+        (DRIVE, [b"\3" + START[1:]], {}, "no STX", NO_START),
+        (DRIVE, [START[:5]], {}, "gap: silence after 5 of 8 bytes", WRONG_GAP),
+        (DRIVE, [START + b"\0"], {}, "LGE does not fit the length", TOO_LONG),
+        (DRIVE, [START], {"bad_parity": 0}, "parity wrong in byte 1", SYMBOL_ERROR),
     ],
 )
 def test_bad_frame_is_described(tmp_path, line, pieces, flaws, words, bit):
-    def talk(t: Talk) -> None:
+    base = tmp_path / "lines"
+    with Recorder(base) as recorder:
+        talk = Talk(recorder)
         for piece in pieces:
-            t.say(line, False, piece, **flaws)
-            t.silence(2)
-
-    first, *rest = agreed_entries(tmp_path, talk)
-    entry, packet = first
-    assert (entry["ok"], entry["what"]) == (False, words)
-    assert int(packet["frame.packet_flags"], 16) >> 24 == 1 << bit - 24
+            talk.say(line, False, piece, **flaws)
+            talk.silence(2)
+    entries = [entry for entry in log_of(base) if "line" in entry]
+    packets = tshark.fields(Path(f"{base}.pcapng"), *TSHARK_FIELDS)
+    check_capture(entries, packets)
+    assert (entries[0]["ok"], entries[0]["what"]) == (False, words)
+    assert int(packets[0]["frame.packet_flags"], 16) >> 24 == 1 << bit - 24
     # Only the bytes after a gap are a frame of their own (FRAME-2).
-    assert [entry["ok"] for entry, _ in rest] == ([True] if words.startswith("gap: not") else [])
+    assert [entry["ok"] for entry in entries[1:]] == ([True] if words == GAP else [])
 
 
 # ---------------------------------------------------------------- the virtual card's three files
@@ -313,7 +276,7 @@ def test_files_of_a_bench_agree(monkeypatch):
         ("drive", "drive", "status 0F03h, frequency 2000h (50.0 %)"),
         ("modbus", "card", "unit 1: write done"),
         ("modbus", "master", "parity wrong in byte 4"),
-        ("modbus", "master", "revoked: good after 8 bytes, but 2.00 characters later the next one began"),
+        ("modbus", "master", REVOKED),
         ("modbus", "master", "unit 1: read coil 129"),
         ("modbus", "card", "unit 1: exception 64: no such coil or register"),
     ]

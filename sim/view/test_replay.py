@@ -115,14 +115,11 @@ def test_a_glitch_costs_no_character():
 
 
 @pytest.mark.nightly("views")
-@pytest.mark.nightly
 @pytest.mark.parametrize(
     ("name", "channel", "baud", "form", "more"),
     [
         ("brainchild-io-16do", "0", 19200, "8E1", ":parity=even:invert_rx=yes"),
-        ("brainchild-io-16do", "1", 19200, "8E1", ":parity=even:invert_rx=yes"),
         ("flowmeter_target0_val0", "RXTX", 9600, "8N1", ""),
-        ("wizmodbus", "RX", 9600, "8N1", ""),
         ("wizmodbus", "TX", 9600, "8N1", ""),
     ],
 )
@@ -269,11 +266,6 @@ def test_the_guide_explains_every_fate_and_suspicion():
 
 
 # ---------------------------------------------------------------- other builds of the card
-def another_card(*values: object):
-    """A case that Verilator builds a card for, some seconds."""
-    return pytest.param(*values, marks=pytest.mark.nightly)
-
-
 @pytest.mark.nightly
 @pytest.mark.rule("FRAME-2", "FRAME-3")
 @pytest.mark.parametrize(
@@ -294,7 +286,9 @@ def test_a_card_with_an_option_of_the_firmware_answers_what_the_other_drops(opti
     ("options", "answer"),
     [
         (["--dialect", STANDARD], "01 C1 01 B0 50"),
-        another_card(["--config", "tiny"], "01 C1 43 30 61"),
+        pytest.param(
+            ["--config", "tiny"], "01 C1 43 30 61", marks=pytest.mark.nightly
+        ),  # Verilator builds it for some seconds
     ],
 )
 def test_dialect_and_configuration_can_be_chosen(options, answer, tmp_path, capsys, monkeypatch):
