@@ -116,8 +116,7 @@ def words(reply: bytes) -> list[int]:
     return [int.from_bytes(reply[i : i + 2], "big") for i in range(2, len(reply), 2)]
 
 
-def by_05(on: bool) -> bytes:
-    return write_coil(EEPROM, on)
+by_05 = functools.partial(write_coil, EEPROM)
 
 
 def sets_and_clears(write: Callable[[bool], bytes], **how: bool) -> tuple[Ask, ...]:
@@ -187,6 +186,7 @@ def has_identification(reply: bytes) -> str:
 
 # ---------------------------------------------------------------- rows
 TEXT_READS = bytes.fromhex("10 0000 0001 02 0400")  # IND = 0400h: function 03 reads texts (MAP-8)
+WRONG_COUNT, WRONG_COIL = bytes.fromhex("0F 0040 0001 02 0000"), bytes.fromhex("05 0040 1234")
 IDENTIFICATION = bytes.fromhex("2B 0E 01 00")
 ALL_COILS = "01 reads 128 coils, 66-128 are 0"
 READ_LANGUAGE, READ_40003 = parameter(LANGUAGE, 1), Ask(read_registers(DRIVE_TIMEOUT, 1), has_drive_timeout)
@@ -194,6 +194,11 @@ READ_LANGUAGE, READ_40003 = parameter(LANGUAGE, 1), Ask(read_registers(DRIVE_TIM
 
 def diagnostic(sub: int, value: int = 0) -> bytes:
     return bytes([8]) + sub.to_bytes(2, "big") + value.to_bytes(2, "big")
+
+
+def refused(title: str, pdu: bytes, why: str | int, rule: str = "EXC", *then: Ask, needs: str = "") -> Row:
+    """A request that gets an exception; `then` shows that it wrote nothing."""
+    return Row(rule, title, (Ask(pdu, why), *then), needs)
 
 
 def diagnosed(title: str, *asks: Ask) -> Row:
@@ -205,27 +210,19 @@ def index_row(at: int, dialects: tuple[str, ...]) -> Row:
     return Row("MAP-5", f"{40001 + at} holds the index that is written", asks, "", dialects)
 
 
-def text_rows() -> tuple[Row, ...]:
-    def of(name: str, dialect: Dialect) -> Row:
-        known = DRIVES[dialect.drive]["parameters"].items()
-        number = next(pnu for pnu, one in known if one[1] == "text" and one[0].endswith(" type"))
-        ask = Ask(parameter(number, TEXT_REGISTERS), has_text)
-        asks = (ask,) if dialect.text_by_size else (done(TEXT_READS), ask, done(write_register(IND, 0)))
-        return Row("FC-7", "a text is read", asks, "drive", (name,))
-
-    return tuple(of(*row) for row in DIALECTS.items())
+def text_row(name: str, dialect: Dialect) -> Row:
+    known = DRIVES[dialect.drive]["parameters"].items()
+    number = next(pnu for pnu, one in known if one[1] == "text" and one[0].endswith(" type"))
+    ask = Ask(parameter(number, TEXT_REGISTERS), has_text)
+    asks = (ask,) if dialect.text_by_size else (done(TEXT_READS), ask, done(write_register(IND, 0)))
+    return Row("FC-7", "a text is read", asks, "drive", (name,))
 
 
-def state_rows() -> tuple[Row, ...]:
+def state_row(name: str) -> Row:
     """By dialect: two bits of the status word have another meaning in an FC drive."""
     title = "0F writes coils 1-32 = 0, no command; coils 33-64 show the drive's state"
-    write = done(write_coils(0, [False] * 32))
-
-    def of(name: str) -> Row:
-        status = Ask(read_coils(32, 32), functools.partial(has_status, dialect=name))
-        return Row("FC-6", title, (write, status), "drive", (name,))
-
-    return tuple(map(of, DIALECTS))
+    status = Ask(read_coils(32, 32), functools.partial(has_status, dialect=name))
+    return Row("FC-6", title, (done(write_coils(0, [False] * 32)), status), "drive", (name,))
 
 
 ROWS: tuple[Row, ...] = (
@@ -240,25 +237,17 @@ ROWS: tuple[Row, ...] = (
     index_row(IND, CARD),
     index_row(INDEX, BUILT_IN),
     # Exceptions, in the order of their checks.
-    Row("EXC", "unknown function", (Ask(bytes([UNKNOWN_FUNCTION]), "function"),)),
-    Row("EXC", "frame one byte too long", (Ask(read_registers(DRIVE_TIMEOUT, 1) + b"\0", "length"),)),
-    Row("EXC", "129 coils", (Ask(read_coils(0, 129), "quantity"),)),
-    Row("EXC", "0 registers", (Ask(read_registers(DRIVE_TIMEOUT, 0), "quantity"),)),
-    Row(
-        "EXC",
-        "byte count that does not match",
-        (Ask(bytes.fromhex("0F 0040 0001 02 0000"), "quantity"), coil_65(False)),
-    ),
-    Row("EXC", "coils beyond 128", (Ask(read_coils(100, 30), "address"),)),
-    Row("MAP-2", "write of coil 33, which is read-only", (Ask(write_coil(32, False), "address"),)),
-    Row("EXC", "reserved register 40004", (Ask(read_registers(RESERVED, 1), "address"),)),
-    Row("MAP-6", "register 5141, where no parameter starts", (Ask(read_registers(5140, 1), "address"),)),
-    Row(
-        "EXC",
-        "coil 65 = 1234h, neither on nor off",
-        (Ask(bytes.fromhex("05 0040 1234"), "value"), coil_65(False)),
-    ),
-    Row("MAP-5", "40003 = 0", (Ask(write_register(DRIVE_TIMEOUT, 0), "value"),)),
+    refused("unknown function", bytes([UNKNOWN_FUNCTION]), "function"),
+    refused("frame one byte too long", read_registers(DRIVE_TIMEOUT, 1) + b"\0", "length"),
+    refused("129 coils", read_coils(0, 129), "quantity"),
+    refused("0 registers", read_registers(DRIVE_TIMEOUT, 0), "quantity"),
+    refused("byte count that does not match", WRONG_COUNT, "quantity", "EXC", coil_65(False)),
+    refused("coils beyond 128", read_coils(100, 30), "address"),
+    refused("write of coil 33, which is read-only", write_coil(32, False), "address", "MAP-2"),
+    refused("reserved register 40004", read_registers(RESERVED, 1), "address"),
+    refused("register 5141, where no parameter starts", read_registers(5140, 1), "address", "MAP-6"),
+    refused("coil 65 = 1234h, neither on nor off", WRONG_COIL, "value", "EXC", coil_65(False)),
+    refused("40003 = 0", write_register(DRIVE_TIMEOUT, 0), "value", "MAP-5"),
     # Silence. Each write sets coil 65, and the next ask reads whether it was carried out.
     Row(
         "FRAME-4",
@@ -301,8 +290,8 @@ ROWS: tuple[Row, ...] = (
     Row("FC-9", "silence to a reading without a drive", (Ask(READ_LANGUAGE, None),), "no drive", BUILT_IN),
     Row("SAFE-3", "a local request after it is answered", (READ_40003,), "no drive"),
     Row("MAP-7", "parameter 1 is read", (Ask(parameter(LANGUAGE, 2), has_language),), "drive"),
-    Row("EXC", "parameter 2047, in no drive, is refused", (Ask(parameter(NO_PARAMETER, 1), 0),), "drive"),
-    *text_rows(),
+    refused("parameter 2047, in no drive, is refused", parameter(NO_PARAMETER, 1), 0, needs="drive"),
+    *(text_row(*one) for one in DIALECTS.items()),
     Row(
         "FC-4",
         "parameter 1 is written with the value that it has",
@@ -312,7 +301,7 @@ ROWS: tuple[Row, ...] = (
         ),
         "drive",
     ),
-    *state_rows(),
+    *map(state_row, DIALECTS),
 )
 
 

@@ -41,35 +41,31 @@ class Parser(argparse.ArgumentParser):
         self.exit(MISUSE, f"{self.prog}: {message}\n")
 
 
-def number(low: int, high: int, what: str) -> Callable[[str], int]:
-    def read(text: str) -> int:
-        with contextlib.suppress(ValueError):
-            value = int(text, 16 if text[:2].lower() == "0x" else 10)
-            if low <= value <= high:
-                return value
-        raise argparse.ArgumentTypeError(f"{what} is {low} to {high}, not '{text}'")
-
-    return read
-
-
-def one_of(values: tuple, what: str) -> Callable[[str], object]:
+def fitting(convert: Callable, fits: Callable, what: str) -> Callable[[str], object]:
     def read(text: str) -> object:
-        found = {str(value).lower(): value for value in values}.get(text.lower())
-        if found is None:
-            raise argparse.ArgumentTypeError(f"{what} is {', '.join(map(str, values))}, not '{text}'")
-        return found
-
-    return read
-
-
-def decimal(fits: Callable[[float], bool], what: str) -> Callable[[str], float]:
-    def read(text: str) -> float:
         with contextlib.suppress(ValueError):
-            if fits(value := float(text.replace(",", "."))):
+            if fits(value := convert(text)):
                 return value
         raise argparse.ArgumentTypeError(f"{what}, not '{text}'")
 
     return read
+
+
+def number(low: int, high: int, what: str) -> Callable[[str], int]:
+    def convert(text: str) -> int:
+        return int(text, 16 if text[:2].lower() == "0x" else 10)
+
+    return fitting(convert, lambda value: low <= value <= high, f"{what} is {low} to {high}")
+
+
+def decimal(fits: Callable[[float], bool], what: str) -> Callable[[str], float]:
+    return fitting(lambda text: float(text.replace(",", ".")), fits, what)
+
+
+def one_of(values: tuple, what: str) -> Callable[[str], object]:
+    known = {str(value).lower(): value for value in values}
+    named = f"{what} is {', '.join(map(str, values))}"
+    return fitting(lambda text: known.get(text.lower()), lambda value: value is not None, named)
 
 
 seconds = decimal(lambda value: 0 < value < 1e9, "seconds are above 0")

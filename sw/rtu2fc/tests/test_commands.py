@@ -11,10 +11,8 @@ import json
 import os
 import re
 import signal
-import socket
 import subprocess
 import sys
-import threading
 import time
 import tty
 
@@ -32,7 +30,6 @@ from sw.rtu2fc.setup import SHARED
 from sw.rtu2fc.switches import BAUDS, FORMS
 from sw.rtu2fc.tests.test_check import start
 from tb.agents.crc16 import with_crc
-from tb.agents.rtu import build, read_registers
 from tb.lib.card import baud_switches
 from tb.lib.nightly import first
 
@@ -242,7 +239,7 @@ def test_a_stop_that_does_not_reach_the_drive_says_so(tmp_path, dialect, monkeyp
         card.ask("stop")
 
 
-@pytest.mark.parametrize("typed", ["y\n", "\n", "no\n", "", "yes\n"])
+@pytest.mark.parametrize("typed", ["y\n", "", "yes\n"])
 def test_only_yes_starts_a_motor(tmp_path, typed, monkeypatch):
     """An empty text is Ctrl-D."""
     terminal = io.StringIO(typed)
@@ -345,13 +342,6 @@ def test_an_eeprom_write_leaves_coil_65_as_it_was(card):
     assert [what for what in said if "write coil 65" in what][-1].endswith("= off")
 
 
-def test_refusals_are_in_words(card):
-    code, output = card.told("read", 1999, 104)
-    assert code == 5
-    assert "exception 0: the drive: parameter does not exist" in output and "104 Motor" in output
-    assert card.told("write", 514, 1) == (5, "rtu2fc write: exception 1: the drive: no write access\n")
-
-
 def test_each_exception_of_the_handbook_has_words():
     assert meaning(67, "card") == "unknown function"
     assert meaning(2, "card") == "value refused by the card"
@@ -364,41 +354,19 @@ def test_each_exception_of_the_handbook_has_words():
 # ---------------------------------------------------------------- what goes wrong
 
 
-@pytest.mark.parametrize("dialect", first(["card", "builtin"]))
-def test_a_silent_drive_is_no_silent_card(tmp_path, dialect):
-    options = ("--dialect", dialect, "--drive", str(tmp_path / "drive"))
-    with Card(tmp_path, "--quiet", *options) as card:
-        code, output = card.told("status")
-    assert code == 4 and output.startswith("rtu2fc status: the card answers, but its drive does not\n")
-
-
-def test_no_answer_says_what_was_tried_and_what_is_next(card):
-    code, output = card.told("status", "--unit", 3)
-    assert code == 4
-    first_, *advice = output.splitlines()
-    assert first_ == "rtu2fc status: no answer"
-    assert advice[0] == f"  Tried: unit 3 at 9600 8N2 on {card.link}, 1.5 s."
-    assert f"  Rate, format or unit not known: rtu2fc scan {card.link}" in advice
-    assert f"  Read: {card_module.NO_ANSWER_PAGE}" in advice
-
-
-def test_a_bad_line_is_said(tmp_path, monkeypatch):
-    """Flipped bits; then the line is good again."""
-    monkeypatch.setattr(card_module, "ANSWER_S", 0.5)
-    with Card(tmp_path, "--quiet", "--control") as card:
-        card.command("noise modbus 400")
-        code, output = card.told("read", *range(100, 106))
-        assert code == 4 and re.match(
-            r"rtu2fc read: (no answer|damaged answer [0-9a-f ]+)( to an unknown function)?\n  Tried: ", output
-        )
-        card.command("noise modbus 0")
-        monkeypatch.undo()
-        card.ask("status")
-
-
-def test_another_dialect_is_found_out(card):
-    code, output = card.told("status", "--dialect", "builtin")
-    assert code == 6 and output.startswith("rtu2fc status: the card speaks card, not builtin\n")
+def test_a_refusal_and_a_silence_are_in_words_with_what_is_next(card):
+    for words, code, *says in (
+        (("write", 514, 1), 5, "rtu2fc write: exception 1: the drive: no write access\n"),
+        (("read", 1999, 104), 5, "exception 0: the drive: parameter does not exist\n", "\n104 Motor"),
+        (("status", "--dialect", "builtin"), 6, "rtu2fc status: the card speaks card, not builtin\n"),
+        (
+            *(("status", "--unit", 3), 4, "rtu2fc status: no answer\n  Tried: unit 3 at 9600 8N2 on "),
+            *(f" on {card.link}, 1.5 s.\n", f"\n  Rate, format or unit not known: rtu2fc scan {card.link}\n"),
+            f"\n  Read: {card_module.NO_ANSWER_PAGE}\n",
+        ),
+    ):
+        found, output = card.told(*words)
+        assert found == code and all(text in output for text in says), output
 
 
 def test_a_busy_port_is_one_line(card):
@@ -431,29 +399,6 @@ def test_a_mistake_is_one_line(words, code, says, capsys, monkeypatch):
     output, errors = capsys.readouterr()
     assert (found, output) == (code, "") and says in errors
     assert "Traceback" not in errors and errors.count("\n") <= 2
-
-
-def test_an_adapter_on_the_network_is_a_port():
-    """A URL of pyserial, with the bytes as they are (RTU over TCP)."""
-    request, reply = build(1, read_registers(2, 1)), build(1, bytes.fromhex("03 02 000F"))
-    with socket.create_server(("127.0.0.1", 0)) as server:
-
-        def serve() -> None:
-            with server.accept()[0] as link:
-                heard = b""
-                while len(heard) < len(request):
-                    heard += link.recv(64)
-                link.sendall(reply if heard == request else b"?")
-                link.recv(1)  # until the other end closes
-
-        thread = threading.Thread(target=serve)
-        thread.start()
-        name = f"socket://127.0.0.1:{server.getsockname()[1]}"
-        line = port.Line(port.SerialPort(name), 9600, "8N2")
-        assert line.exchange(request, 5)[0] == reply
-        line.close()
-        thread.join(5)
-        assert not thread.is_alive()
 
 
 # ---------------------------------------------------------------- switches, record and replay, watch, scan
