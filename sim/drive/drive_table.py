@@ -28,6 +28,7 @@ import csv
 import json
 import re
 import sys
+from collections import namedtuple
 from dataclasses import dataclass, field
 from pathlib import Path
 
@@ -70,24 +71,12 @@ class TableError(ValueError):
     """A row that cannot be used, with the reason."""
 
 
-@dataclass
-class Parameter:
-    """One row, numbers raw."""
-
-    pnu: int
-    name: str
-    type: str
-    conversion: int
-    min: int
-    max: int
-    initial: int
-    text: str
-    array: int
-    access: str
-    while_running: bool
-    unit: str
-    role: str
-    slot: int = 0
+# One row, numbers raw. `slot` is the first of its values in the drive's memory.
+Parameter = namedtuple(
+    "Parameter",
+    "pnu name type conversion min max initial text array access while_running unit role slot",
+    defaults=(0,),
+)
 
 
 @dataclass
@@ -103,15 +92,8 @@ class Profile:
         return self.settings.get(key, SETTINGS[key][2])
 
 
-@dataclass
-class Capacity:
-    """Capacities of sim/drive/vlt_drive.h."""
-
-    parameters: int
-    slots: int
-    texts: int
-    text_max: int
-    roles: list[str]
+# Capacities of sim/drive/vlt_drive.h.
+Capacity = namedtuple("Capacity", "parameters slots texts text_max roles")
 
 
 def read_capacity(header: Path = HEADER) -> Capacity:
@@ -213,9 +195,8 @@ def add_row(profile: Profile, parameter: Parameter, used: dict[str, int]) -> Non
     if single and any(parameter.role == other.role for other in profile.parameters):
         raise TableError(f"role {parameter.role} is given twice")
     kind = "texts" if parameter.type == "text" else "values"
-    parameter.slot = used[kind]
+    profile.parameters.append(parameter._replace(slot=used[kind]))
     used[kind] += max(parameter.array, 1)
-    profile.parameters.append(parameter)
 
 
 def read_profile(path: Path, capacity: Capacity) -> Profile:

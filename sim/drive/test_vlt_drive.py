@@ -426,35 +426,10 @@ def test_trip_stops_the_output_and_only_an_edge_resets_it():
     assert drive.alarm == 0
 
 
-def test_fault_log_has_the_newest_trip_first_and_survives_a_power_cycle():
-    drive = VltDrive()
-    for alarm in (7, 8, 9):
-        drive.trip(alarm)
-        drive.trip(99)  # already tripped
-        control(drive, RAMP_STOP)
-        control(drive, RAMP_STOP | RESET)
-    drive.power_cycle()
-    assert [ask(drive, fc.AK_READ, 615, ind=i).pwe for i in (1, 2, 3, 4)] == [9, 8, 7, 0]
-    assert ask(drive, fc.AK_READ, 616, ind=1).pwe == 567, "hours run at the trip"
-
-
 def test_the_current_limit_shows_in_the_status_word():
     drive = brought_to(50)
     ask(drive, fc.AK_WRITE_WORD, 215, 59)  # 5.9 A, the motor takes 6.00 A
     assert control(drive, 0)[0] == 0x4F03
-
-
-def test_bus_timeout_acts_as_556_selects():
-    """Off, freeze, stop, jog, max, stop and trip."""
-    for function, (after_hz, alarm) in enumerate(((25, 0), (25, 0), (0, 0), (10, 0), (50, 0), (0, 17))):
-        drive = brought_to(25)
-        for pnu, value in ((555, 2), (556, function)):
-            ask(drive, fc.AK_WRITE_WORD, pnu, value)
-        control(drive, START, 0x2000)
-        for _ in range(20):
-            drive.step(SECOND)
-            control(drive, 0)  # telegrams without a valid control word do not count
-        assert (hertz(drive), drive.alarm) == (after_hz, alarm), function
 
 
 def test_control_words_in_time_prevent_the_bus_timeout():
