@@ -5,9 +5,9 @@
 
 Each recording is a run of the whole card with its firmware (tb/lib/fast_card.py), the simulated drive and a
 master that does one thing wrong. The pins are sampled bit by bit for the recorder of the virtual card, which
-writes docs/recordings/NAME.jsonl and NAME.pcapng. Then the blocks of GUIDES that begin with a command of
-sim/view are filled with its output. The same sources give
-the same files. Times are in ps since power-up. Exit code 2 for an unknown name.
+writes docs/recordings/NAME.jsonl and NAME.pcapng. Then the blocks of GUIDES that begin with a command are
+filled with its output. The same sources give the same files. Times are in ps since power-up. Exit code 2 for
+an unknown name.
 """
 
 from __future__ import annotations
@@ -18,6 +18,7 @@ import subprocess
 import sys
 from bisect import bisect_right
 from collections.abc import Callable, Iterator
+from functools import partial
 from pathlib import Path
 
 from rtl.command import Parser, run_main
@@ -26,7 +27,7 @@ from tb.agents import rtu
 from tb.agents.edges import Trace
 from tb.agents.uart import Character, Flaws, Format, waveform
 from tb.lib.card import MS
-from tb.lib.fast_card import SHOWN_SEED, FastCard, Line
+from tb.lib.fast_card import SHOWN_SEED, FastCard
 from tb.lib.recording import DRIVE, LED_LOOK_MS, MODBUS, Recorder
 from tb.model.vlt_drive import VltDrive
 
@@ -62,21 +63,12 @@ def word_coils(word: int) -> list[bool]:
 class Bus(FastCard):
     """The card after its start, a drive in the card's time, and a master that may break the rules."""
 
-    def __init__(
-        self,
-        baud: int = 9600,
-        form: str = "8E1",
-        address: int = 1,
-        example: bool = True,
-        image: str = "",
-    ) -> None:
+    def __init__(self, example: bool = True, **options) -> None:
         self.vlt = VltDrive(example=example)
         self.drive_spoils: Callable[[bytes], bytes | None] = lambda reply: reply
         self._lived_us = 0
         self._said_ps = 0.0
-        super().__init__(
-            baud=baud, form=form, address=address, drive=self._drive, seed=SHOWN_SEED, dialect=image
-        )
+        super().__init__(drive=self._drive, seed=SHOWN_SEED, **options)
         self.run(BOOTED_MS)
 
     def _drive(self, telegram: bytes) -> bytes | None:
@@ -133,21 +125,18 @@ def record(card: FastCard, base: Path) -> None:
     """Writes everything on the pins until now as log and capture."""
     events: list[tuple[int, Callable[[], None]]] = []
     with Recorder(base) as recorder:
-        lines: list[tuple[int, Line]] = [(MODBUS, card.modbus), (DRIVE, card.drive)]
-        for line, port in lines:
+        for line, port in ((MODBUS, card.modbus), (DRIVE, card.drive)):
             recorder.use(line, port.fmt)
             for from_card, pin in ((False, "rx"), (True, "tx")):
                 for c in heard(card.recorded[f"{port.name}_{pin}"], port.fmt):
-                    events.append(
-                        (c.end_ps, lambda c=c, line=line, f=from_card: recorder.character(line, f, c))
-                    )
+                    events.append((c.end_ps, partial(recorder.character, line, from_card, c)))
         for led, name in ((MODBUS, "modbus"), (DRIVE, "drive")):
             since = [one.since_ps for one in card.shown[name]]
             samples = {*since, *range(0, card.now_ps, LED_LOOK_MS * MS)}
             for at in samples:
                 shows = card.shown[name][bisect_right(since, at) - 1].colour
                 red, green = shows in ("red", "orange"), shows in ("green", "orange")
-                events.append((at, lambda x=(led, red, green, at): recorder.led(*x)))
+                events.append((at, partial(recorder.led, led, red, green, at)))
         for _, report in sorted(events, key=lambda event: event[0]):
             report()
 
@@ -267,7 +256,7 @@ def fast_reply(card: Bus) -> None:
     card.ask(READ_CONTROL)
 
 
-@symptom(image="delay20")
+@symptom(dialect="delay20")
 def delayed_reply(card: Bus) -> None:
     """The same with the option that delays each reply."""
     fast_reply(card)

@@ -164,26 +164,18 @@ def test_files_of_the_virtual_card_agree(tmp_path):
 
 
 # ---------------------------------------------------------------- the views of a waveform
-def named_in_gtkwave(view: Path) -> list[str]:
-    """Signals named by a .gtkw file, with their ranges."""
-    lines = [line for line in view.read_text().splitlines() if line and line[0] not in "@-^[*"]
-    return [line.split("} ", 1)[-1] for line in lines]
-
-
-def named_in_surfer(view: Path) -> list[str]:
-    return re.findall(r"^variable_add (\S+)$", view.read_text(), re.MULTILINE)
-
-
 def check_views(wave: Path, view: Path) -> list[str]:
     """Every signal named by a view is in the waveform; returns GTKWave's names."""
     there = {s.path: s.width for s in WaveFile(wave).signals.values()}
-    shown = named_in_gtkwave(view)
+    lines = [line for line in view.read_text().splitlines() if line and line[0] not in "@-^[*"]
+    shown = [line.split("} ", 1)[-1] for line in lines]
     assert shown
     for name in shown:
         path, bits = re.fullmatch(r"(.*?)(?:\[(\d+:\d+)\])?", name).groups()
         high, low = map(int, bits.split(":")) if bits else (0, 0)
         assert there.get(path) == high - low + 1, name
-    assert named_in_surfer(view.with_suffix(".sucl")) == [name.split("[")[0] for name in shown]
+    in_surfer = re.findall(r"^variable_add (\S+)$", view.with_suffix(".sucl").read_text(), re.MULTILINE)
+    assert in_surfer == [name.split("[")[0] for name in shown]
     return shown
 
 
