@@ -262,11 +262,6 @@ def test_columns_equal_the_log(recorded, rows):
             ends[frame.line] = frame.end
 
 
-def colour_filters() -> dict[str, str]:
-    lines = (ROOT / "sim/view/wireshark_profile/colorfilters").read_text().splitlines()
-    return dict(re.fullmatch(r"@([^@]+)@([^@]+)@\[[\d,]+\]\[[\d,]+\]", line).groups() for line in lines[1:])
-
-
 def test_colour_filters_match_the_named_frames(recorded, tmp_path):
     def is_exception(frame: Frame) -> bool:
         if frame.line == "modbus":
@@ -283,7 +278,9 @@ def test_colour_filters_match_the_named_frames(recorded, tmp_path):
     }
     assert expected["Exception or refused"]
     found = {}
-    for name, chosen in colour_filters().items():
+    lines = (ROOT / "sim/view/wireshark_profile/colorfilters").read_text().splitlines()[1:]
+    for line in lines:
+        name, chosen = re.fullmatch(r"@([^@]+)@([^@]+)@\[[\d,]+\]\[[\d,]+\]", line).groups()
         options = [*SCRIPT, "-2"]
         seen = tshark.fields(
             recorded.pcap, "frame.number", options=options, only=chosen, env=environment(tmp_path)

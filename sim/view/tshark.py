@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Reads captures with Wireshark's tshark and capinfos, for tests."""
+"""Reads captures with Wireshark's tshark, for tests."""
 
 from __future__ import annotations
 
@@ -38,7 +38,3 @@ def fields(
 def rows(capture: Path, options: Sequence[str] = (), env: Mapping[str, str] | None = None) -> list[str]:
     """Packet list with tab-separated columns."""
     return _run(["tshark", "-n", *options, "-r", capture, "-T", "tabs"], env).splitlines()
-
-
-def capinfos(capture: Path) -> str:
-    return _run(["capinfos", "-M", capture])
