@@ -48,16 +48,11 @@ PS_PER_US = 1_000_000
 ENERGY = 10 * 514 - 1
 MAX_REFERENCE = 10 * 205 - 1
 RUN_TIME_OUT = 1
-START = 0x047C
 START_40 = rtu.build(1, bytes.fromhex("0F 00 00 00 20 04 7C 04 99 19"))
 READ_STATUS = rtu.build(1, rtu.read_coils(32, 16))
 READ_STATE = rtu.build(1, rtu.read_coils(32, 32))
 READ_CONTROL = rtu.build(1, rtu.read_coils(0, 32))
 READ_ENERGY = rtu.build(1, rtu.read_registers(ENERGY, 2))
-
-
-def word_coils(word: int) -> list[bool]:
-    return [bool(word >> i & 1) for i in range(16)]
 
 
 class Bus(FastCard):
@@ -227,8 +222,8 @@ def off_by_one(card: Bus) -> None:
     """A reference number on the wire instead of the address: a register, then coils."""
     card.ask(rtu.build(1, rtu.read_registers(ENERGY + 1, 2)))
     card.ask(READ_ENERGY)
-    card.ask(rtu.build(1, rtu.write_coils(1, word_coils(START))))
-    card.ask(rtu.build(1, rtu.write_coils(0, word_coils(START))))
+    for first in ("0001", "0000"):
+        card.ask(rtu.build(1, bytes.fromhex(f"0F {first} 0010 02 7C04")))
 
 
 @symptom(baud=19200, example=False)
@@ -285,9 +280,8 @@ def old_values(card: Bus) -> None:
 def word_order(card: Bus) -> None:
     """A value of 32 bits, written with its words exchanged, and then in order."""
     card.ask(rtu.build(1, rtu.read_registers(MAX_REFERENCE, 2)))
-    for high, low in ((40_000, 0), (0, 40_000)):
-        data = bytes([0x10]) + MAX_REFERENCE.to_bytes(2) + bytes([0, 2, 4])
-        card.ask(rtu.build(1, data + high.to_bytes(2) + low.to_bytes(2)))
+    for words in ([40_000, 0], [0, 40_000]):
+        card.ask(rtu.build(1, rtu.write_registers(MAX_REFERENCE, words)))
 
 
 @symptom()

@@ -90,16 +90,11 @@ def test_a_vcd_file_of_a_simulator(tmp_path):
 
 
 @pytest.mark.rule("LINE-1")
-def test_wrong_parity_and_stop_bits_are_named():
-    line = LineFormat(9600, "8E1", US)
-    edges, at = [(0, 1)], 1000.0
-    for byte, flaw in ((0x55, ""), (0x03, "parity"), (0x00, "stop"), (0xF0, "")):
-        levels = line.levels(byte, flaw)
-        edges += [(round(at + i * line.bit), level) for i, level in enumerate(levels)]
-        edges.append((round(at + len(levels) * line.bit), 1))
-        at += (len(levels) + 2) * line.bit
-    changed = [edge for last, edge in pairwise(edges) if edge[1] != last[1]]
-    heard = characters([edges[0], *changed], line)
+def test_wrong_parity_and_stop_bits_are_named(tmp_path):
+    sent = ((0x55, ""), (0x03, "parity"), (0x00, "stop"), (0xF0, ""))
+    file = bus_file(tmp_path, *((0.2, bytes([byte]), flaw) for byte, flaw in sent))
+    line = LineFormat(19200, "8E1", US)
+    heard = characters(open_capture(file).edges("bus", US), line)
     assert [(c.byte, c.fault) for c in heard] == [(0x55, ""), (3, "parity"), (0, "stop bit"), (0xF0, "")]
     assert pieces(heard, line)[0].fault == "parity of byte 2"
 

@@ -18,7 +18,6 @@ import pytest
 from regs.dialects import STANDARD, STANDARD_DRIVE
 from sim.card.example_run import EXAMPLES, Played, Recorded, record
 from sim.card.run_card import ROOT, Frame
-from sim.drive.drive_table import read_capacity, read_profile
 from sim.view import tshark
 from sim.view.test_recordings import Talk
 from sim.view.wireshark import SCRIPT, environment
@@ -32,7 +31,7 @@ from tb.model import fc_telegram
 pytestmark = pytest.mark.nightly("views")
 
 WORDS = tomllib.loads((ROOT / "regs/fc.toml").read_text())
-VLT6000 = {p.pnu: p for p in read_profile(ROOT / "sim/drive/vlt6000.csv", read_capacity()).parameters}
+VLT6000 = DRIVES["vlt6000"]["parameters"]
 BITS = {
     f"vltfc.{prefix}.{name}": bit["bit"]
     for prefix, word in (("ctw", "control"), ("stw", "status"))
@@ -111,7 +110,7 @@ def check_telegram(got: dict[str, str], telegram: bytes, reply: bool) -> None:
         assert got["vltfc.pke"] == got["vltfc.ind"] == got["vltfc.pwe"] == ""
         return
     assert got["vltfc.ak.words"] == WORDS["reply" if reply else "request"][str(parts.ak)]
-    assert got["vltfc.pnu.name"] == VLT6000[parts.pnu].name
+    assert got["vltfc.pnu.name"] == VLT6000[parts.pnu][0]
     if parts.text is not None:
         assert got["vltfc.text"] == parts.text.decode()
         return
@@ -205,7 +204,7 @@ def test_network_line_is_decoded_as_in_the_examples(recorded, packets, name):
 def test_requests_are_named_by_the_drive_s_parameters(recorded, packets):
     read_current = packets[example(recorded, "ex5-read-514").first_packet]
     assert read_current["rtu2fc_modbus.pnu"] == "514"
-    assert read_current["rtu2fc_modbus.name"] == VLT6000[514].name
+    assert read_current["rtu2fc_modbus.name"] == VLT6000[514][0]
     local = packets[example(recorded, "appA-fc06").first_packet]
     assert local["rtu2fc_modbus.pnu"] == "", "40002 is no parameter"
 
@@ -331,8 +330,7 @@ def test_reply_to_another_request_is_marked(tmp_path):
 @pytest.mark.parametrize("drive", ["vlt5000", STANDARD_DRIVE])
 def test_the_preference_chooses_the_drive(tmp_path, drive):
     """Parameter names, and bits 2 and 6 of the status word, which later drives use differently."""
-    profile = read_profile(ROOT / f"sim/drive/{drive}.csv", read_capacity())
-    name = next((p.name for p in profile.parameters if p.pnu == 514), "unknown")
+    name = DRIVES[drive]["parameters"].get(514, ("unknown",))[0]
     reply = fc_telegram.build_parameter(1, 514, pcd1=0x0044)
     capture = capture_of(tmp_path, (DRIVE, False, reply))
     got = read(capture, tmp_path / "settings", "-o", f"vltfc.drive:{drive}")[1]
@@ -341,11 +339,10 @@ def test_the_preference_chooses_the_drive(tmp_path, drive):
 
 
 def test_capture_names_its_drive(tmp_path):
-    profile = read_profile(ROOT / f"sim/drive/{STANDARD_DRIVE}.csv", read_capacity())
-    motor = next(p for p in profile.parameters if p.pnu > 2047)
-    reply = fc_telegram.build_parameter(1, motor.pnu)
+    pnu, motor = next(row for row in DRIVES[STANDARD_DRIVE]["parameters"].items() if row[0] > 2047)
+    reply = fc_telegram.build_parameter(1, pnu)
     got = read(capture_of(tmp_path, (DRIVE, False, reply), dialect=STANDARD), tmp_path / "settings")[1]
-    assert (got["vltfc.pnu"], got["vltfc.pnu.name"]) == (str(motor.pnu), motor.name)
+    assert (got["vltfc.pnu"], got["vltfc.pnu.name"]) == (str(pnu), motor[0])
 
 
 # ---------------------------------------------------------------- the command
