@@ -15,12 +15,9 @@
 local folder = debug.getinfo(1, "S").source:match("^@(.*[/\\])") or ""
 local unpack_table = table.unpack or unpack
 -- The tables lie beside this file in a plugin folder, in regs/generated and sim/drive in the project.
-local function there(path)
-  local file = io.open(path)
-  if file then file:close() end
-  return file ~= nil
-end
-local beside = there(folder .. "fc_tables.lua")
+local file = io.open(folder .. "fc_tables.lua")
+local beside = file ~= nil
+if file then file:close() end
 local tables = dofile(folder .. (beside and "" or "../../regs/generated/") .. "fc_tables.lua")
 
 -- The cells of a row of a CSV file; quotes stand around a cell with commas.
