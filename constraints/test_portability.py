@@ -36,19 +36,6 @@ def test_other_memories_and_memories_of_flip_flops_are_named():
     assert line == "x: 1900 flip-flops, so a memory is made of them"
 
 
-@pytest.mark.nightly
-def test_each_register_without_reset_has_its_reason():
-    assert portability.compare_registers(portability.without_reset(), LISTS["without_reset"]) == []
-
-
-def test_a_register_without_reason_and_a_reason_without_register_are_named():
-    said = portability.compare_registers({"uart.shift", "uart.new"}, {"why": ["uart.shift", "uart.old"]})
-    assert said == [
-        "uart.new starts with a value, has no reset and no reason",
-        "uart.old is listed, but no such flip-flop is there",
-    ]
-
-
 @pytest.mark.nightly("synth")
 def test_slang_takes_the_sources_in_any_order(capfd):
     assert portability.slang(card_files()) == []

@@ -20,7 +20,6 @@ from constraints.boards import board, boards, ports
 from constraints.flow import SynthError, mapping, sandboxed, tool, unsafe, without_loose_inputs, yosys
 from constraints.netlist import MAPPED, crossings
 from constraints.parts import COUNTED_ON, TARGETS
-from constraints.portability import FLIP_FLOP
 from constraints.synth import measured_from, route
 from rtl.sources import card_files, needed_files, rtl_files
 from tb.gates import netlists as gates
@@ -28,6 +27,7 @@ from tb.lib.runner import ROOT
 
 pytestmark = pytest.mark.nightly("synth")
 
+FLIP_FLOP = re.compile(r"\$[as]*dffs?r?(?:c?e)?")
 # Yosys's name of a part of each family whose netlists are examined here.
 DEVICES = {family: device for family, (device, _) in COUNTED_ON.items()} | {"gowin": "gw1n"}
 
