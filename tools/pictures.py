@@ -5,7 +5,8 @@
     python -m tools.pictures --check    exits 1 and names every outdated picture
 
 Rates and formats come from regs/card.toml, wires, pins and LED states from the tables of the handbook, and
-the pins of a board from its pin file. So a picture cannot differ from the text beside it.
+the pins of a board from its pin file. So a picture cannot differ from the text beside it. The others follow
+no table and are edited as they are: blocks, cassette, modules, network.
 """
 
 from __future__ import annotations
@@ -22,7 +23,7 @@ from regs.generated.card_tables import EXTENDED_FORMATS, EXTENDED_RATES, FORMATS
 from rtl.command import run_main, write_files
 from rtl.sources import ROOT
 from tools.handbook import rows
-from tools.svg import WIDTH, Picture, PictureError
+from tools.svg import Picture, PictureError
 
 PICTURES = ROOT / "docs/pictures"
 PAGE = ROOT / "docs/switches.html"
@@ -30,7 +31,6 @@ PAGE = ROOT / "docs/switches.html"
 USUAL_RATE, USUAL_ADDRESS = "111110000", "100000001"
 PITCH = 30
 MINUS = "\N{MINUS SIGN}"
-MIDDLE = WIDTH / 2
 
 
 def short(form: Format) -> str:
@@ -233,112 +233,7 @@ def page() -> str:
     return re.sub("^const tables = .*$", line, PAGE.read_text(), flags=re.MULTILINE)
 
 
-# ---------------------------------------------------------------- network, cassette, LEDs
-
-
-def resistor(picture: Picture, x: float, top: float, bottom: float) -> None:
-    """Upright, with its leads."""
-    picture.line("thin", (x, top), (x, bottom))
-    picture.box(x - 7, (top + bottom) / 2 - 10, 14, 20, "orange", 2)
-    for y in (top, bottom):
-        picture.dot(x, y, 4, "first")
-
-
-def network() -> Picture:
-    picture = Picture("The network: a master with bias, cards on one pair, a terminator at each end", 450)
-    bus = ((60, "w4"), (78, "w2"), (96, "w3 dash"))
-    for x, kind in bus:
-        picture.line(f"wire {kind}", (x, 40), (x, 400))
-    for x, name in ((60, "+"), (78, MINUS), (124, "common")):
-        picture.text(x, 24, name, "b", "middle")
-    # Top and height of a unit, the heights of its three wires, where they end.
-    units = [
-        (36, 126, (94, 104, 154), 372, "Master", "120 Ω at this end"),
-        (178, 48, (192, 202, 212), 160, "Card, address 1", "switch 9 OFF"),
-        (240, 48, (254, 264, 274), 160, "Card, address 2", "switch 9 OFF"),
-        (302, 106, (350, 386, 396), 372, "Last card", "switch 9 ON: 120 Ω"),
-    ]
-    for top, high, wires, end, name, note in units:
-        picture.box(160, top, 244, high)
-        for (x, kind), y, stop in zip(bus, wires, (end, end, end if name == "Master" else 160), strict=True):
-            picture.line(f"wire {kind.split()[0]}", (x, y), (stop, y))
-            picture.dot(x, y, 4, "first")
-        picture.text(170, top + 14, name, "b")
-        picture.text(170, top + 33, note, "s")
-    picture.text(372, 47, "+5 V", "s", "middle")
-    resistor(picture, 372, 60, 94)
-    resistor(picture, 372, 104, 154)
-    picture.lines(170, 119, "bias: two resistors,\nat the master only", "s")
-    picture.line("thin", (60, 83), (27, 83))
-    picture.line("thin", (78, 119), (27, 119))
-    resistor(picture, 27, 83, 119)
-    resistor(picture, 372, 350, 386)
-    for x, y in ((60, 83), (78, 119)):
-        picture.dot(x, y, 4, "first")
-    picture.text(16, 434, "One line, no branches; 120 Ω at both ends only.", "s")
-    return picture
-
-
-def cassette() -> Picture:
-    picture = Picture("The cassette in three steps: free it, take it out, fasten the card", 628)
-    for y, title in (
-        (16, "Step 4: free the cassette"),
-        (206, "Step 5: take it out"),
-        (396, "Step 7: fasten the card (back)"),
-    ):
-        picture.text(16, y, title, "b")
-    picture.box(16, 30, 190, 150)
-    for number in range(8):
-        picture.box(38 + 18 * number, 128, 14, 18, "pin", 2)
-    label(picture, 111, 104, "A")
-    for x in (54, 168):
-        picture.box(x - 20, 154, 40, 14, "part")
-        picture.dot(x - 12, 161, 3, "first")
-        picture.dot(x + 12, 161, 3, "first")
-    label(picture, 111, 161, "B")
-    for x in (34, 188):
-        picture.dot(x, 50, 6, "part")
-        picture.line("thin", (x - 4, 50), (x + 4, 50))
-    for x in (40, 182):
-        picture.line("thin", (111, 50), (x, 50))
-    label(picture, 111, 50, "C")
-    legend(picture, 48, "A", "Unplug the control\nterminals.")
-    legend(picture, 94, "B", "Remove the clamps,\nkeep the screws.")
-    legend(picture, 140, "C", "Loosen the two\ncaptive screws.")
-    picture.box(26, 230, 170, 16, "part")
-    picture.box(40, 250, 142, 104)
-    picture.arrow("wire w1", (111, 374), (111, 322))
-    for x, name in ((74, "A"), (148, "B")):
-        picture.line("wire w3", (x, 246), (x, 296))
-        label(picture, x, 304, name)
-    legend(picture, 238, "", "Lift at the bottom.")
-    legend(picture, 268, "A", "Mark and unplug the\nfirst ribbon cable.")
-    legend(picture, 314, "B", "Then the second one.")
-    legend(picture, 344, "", "Unhinge at the top.")
-    picture.box(16, 412, 190, 150)
-    picture.box(30, 430, 10, 112, "slot", 2)
-    picture.box(36, 440, 140, 92, "part")
-    label(picture, 60, 486, "A")
-    for y in (458, 514):
-        picture.dot(166, y, 6, "first")
-    label(picture, 140, 486, "B")
-    legend(picture, 440, "A", "Push this edge into\nthe slot.")
-    legend(picture, 486, "B", "Two self-tapping\nscrews and washers,\nT-10, 8 in-lbs\n(0.90 N·m).")
-    picture.text(16, 584, "The drive must have been off for 14 minutes.", "b")
-    picture.text(16, 606, "Not to scale; yours may differ.", "s m")
-    return picture
-
-
-def label(picture: Picture, x: float, y: float, letter: str) -> None:
-    picture.dot(x, y, 11, "lever")
-    picture.text(x, y, letter, "b inv", "middle")
-
-
-def legend(picture: Picture, y: float, letter: str, text: str) -> None:
-    if letter:
-        label(picture, 228, y, letter)
-    picture.lines(246, y, text)
-
+# ---------------------------------------------------------------- LEDs
 
 # Each LED state of the handbook's table in words, and its colours in quarters of a second. 12 s are drawn
 # shorter, with their length in words; then the LED flashes as without the test.
@@ -392,92 +287,7 @@ def lane(picture: Picture, y: float, name: str, colours: list[str], until: str =
         start += length
 
 
-# ---------------------------------------------------------------- block diagrams, boards
-
-
-def stage(picture: Picture, y: float, high: float, title: str, text: str = "", kind: str = "box") -> None:
-    picture.box(30, y, 360, high, kind)
-    picture.text(MIDDLE, y + 18, title, "b", "middle")
-    if text:
-        picture.lines(MIDDLE, y + 38, text, "s", "middle")
-
-
-def between(picture: Picture, y: float, name: str) -> None:
-    """The two directions of a line between two stages."""
-    picture.arrow("wire w2", (190, y), (190, y + 34))
-    picture.arrow("wire w5", (230, y + 34), (230, y))
-    picture.text(246, y + 17, name, "s m")
-
-
-def blocks() -> Picture:
-    picture = Picture("From the Modbus master through the card to the drive", 494)
-    stage(picture, 12, 52, "Modbus master", "PLC, building control, PC; EIA-485")
-    between(picture, 66, "300-19200 bit/s")
-    picture.box(14, 104, 392, 288, "thin", 8)
-    picture.text(24, 120, "rtu2fc", "b")
-    stage(picture, 134, 52, "network port", "bytes, silences, CRC: finds frames in time", "part")
-    between(picture, 188, "good request; reply")
-    stage(
-        picture,
-        224,
-        70,
-        "mailbox and firmware",
-        "a RISC-V processor translates; nothing leaves\nbefore the request is complete",
-        "part",
-    )
-    between(picture, 296, "telegram; drive's reply")
-    stage(picture, 332, 52, "drive port", "bytes, pauses, BCC of the FC protocol", "part")
-    between(picture, 394, "9600 8E1")
-    stage(picture, 430, 52, "VLT 6000", "FC protocol, address 1; EIA-485")
-    return picture
-
-
-def modules() -> Picture:
-    picture = Picture("The modules: the same chain on both lines, the mailbox between them", 646)
-    sides = ((110, "w2"), (310, "w5"))
-    for x, name in ((110, "network_port"), (310, "drive_port")):
-        picture.box(x - 96, 10, 192, 256, "thin", 8)
-        picture.box(x - 96, 404, 192, 232, "thin", 8)
-        picture.text(x, 28, name, "b", "middle")
-        picture.text(x, 622, name, "b", "middle")
-    inward = [
-        (44, "modbus_rx", "drive_rx"),
-        (84, "sync_2ff", "sync_2ff"),
-        (124, "glitch_filter", "glitch_filter"),
-        (164, "uart", "uart"),
-        (204, "rtu_rx", "fc_rx"),
-    ]
-    outward = [
-        (428, "rtu_tx", "fc_tx"),
-        (478, "uart, rs485_dir", "uart, rs485_dir"),
-        (528, "driver_limit (DE)", "driver_limit (DE)"),
-        (578, "modbus_tx, modbus_de", "drive_tx, drive_de"),
-    ]
-    for chain in (inward, outward):
-        for place, (y, *names) in enumerate(chain):
-            for (x, kind), name in zip(sides, names, strict=True):
-                if not name.startswith(("modbus", "drive_")):
-                    picture.box(x - 80, y, 160, 26, "part")
-                if place:
-                    above = chain[place - 1][0] + 26
-                    picture.arrow(f"wire {kind}", (x, above), (x, y))
-                picture.text(x, y + 13, name, "", "middle")
-    for x, checks in ((110, "silence_timer, crc16_modbus"), (310, "silence_timer, bcc")):
-        picture.text(x, 246, checks, "s m", "middle")
-    for x, kind in sides:
-        picture.arrow(f"wire {kind}", (x, 256), (x, 292))
-        picture.arrow(f"wire {kind}", (x, 338), (x, 428))
-    picture.text(MIDDLE, 279, "commit, good", "s", "middle")
-    picture.box(14, 292, 392, 46, "box")
-    picture.text(MIDDLE, 306, "mailbox", "b", "middle")
-    picture.text(MIDDLE, 324, "commit_gate, mailbox_regs", "", "middle")
-    picture.box(122, 354, 176, 32, "box")
-    picture.text(MIDDLE, 363, "soft_core, bus_arbiter,", "s", "middle")
-    picture.text(MIDDLE, 377, "firmware_ram", "s", "middle")
-    picture.arrow("wire w3", (MIDDLE, 338), (MIDDLE, 354))
-    picture.arrow("wire w3", (MIDDLE, 354), (MIDDLE, 338))
-    picture.text(MIDDLE, 395, "reply, telegram start", "s", "middle")
-    return picture
+# ---------------------------------------------------------------- boards
 
 
 def connection(entry: Board, port: str) -> tuple[str, str]:
@@ -558,11 +368,7 @@ DRAWINGS: dict[str, Callable[[], Picture]] = {
     "wiring": wiring,
     "loopback": loopback,
     "switches": switches,
-    "network": network,
-    "cassette": cassette,
     "leds": leds,
-    "blocks": blocks,
-    "modules": modules,
     "tang-nano-9k": partial(build, "tang-nano-9k"),
     "icebreaker": partial(build, "icebreaker"),
 }
