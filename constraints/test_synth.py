@@ -8,7 +8,6 @@ from __future__ import annotations
 
 import json
 import re
-import subprocess
 import sys
 from dataclasses import replace
 from pathlib import Path
@@ -16,7 +15,7 @@ from pathlib import Path
 import pytest
 
 from constraints import flow, parts, synth
-from constraints.boards import board, boards, ports
+from constraints.boards import board, boards
 from constraints.flow import SynthError, mapping, sandboxed, tool, unsafe, without_loose_inputs, yosys
 from constraints.netlist import MAPPED, crossings
 from constraints.parts import COUNTED_ON, TARGETS
@@ -77,21 +76,6 @@ def test_no_flip_flops_are_merged(family, module):
     assert there == sum(int(width, 2) for width in registers)
 
 
-@pytest.mark.rule("TOP-1", "LINE-5", "LINE-8")
-def test_a_board_has_pads_at_its_pins_alone():
-    """And one clock, and inputs that go to one flip-flop first: synthesise() refuses any other netlist.
-
-    The second soft core stays a module. Pads in it, which Gowin's flow makes, are refused by nextpnr.
-    """
-    entry = board("card-gw1n-9")
-    folder = ROOT / "build/tests/synth-pads"
-    folder.mkdir(parents=True, exist_ok=True)
-    (folder / "pattern.hex").write_text(flow.pattern(entry.memory_words))
-    cells = flow.synthesise(entry, folder, folder / "pattern.hex", "pads")
-    ways = list(ports(entry.wrapper).values())
-    assert (cells["IBUF"], cells["OBUF"]) == (ways.count("input"), ways.count("output"))
-
-
 @pytest.mark.rule("TOP-1")
 def test_reset_pin_clears_the_drivers_and_the_synchroniser_alone(config):
     """Everything else has a reset that moves at clock edges: no other flip-flop has an asynchronous input."""
@@ -112,44 +96,6 @@ def test_reset_pin_clears_the_drivers_and_the_synchroniser_alone(config):
     (asked,) = driven - de
     assert de < driven
     assert asked in module["netnames"]["reset_i.released"]["bits"]
-
-
-# Registers with each start value, and with a reset to the same or the other value, or with none.
-STARTS = """
-  reg a = 0, b = 1, c = 0, d = 1, e = 0, f = 1;
-  always @(posedge clk) begin
-    a <= x; b <= x; c <= x; d <= x; e <= x; f <= x;
-    if (r) begin c <= 0; d <= 0; e <= 1; f <= 1; end
-  end
-  assign q = {a, b, c, d, e, f};
-"""
-START_BENCH = """
-module bench;
-  reg clk = 0;
-  wire [5:0] q;
-  starts starts_i (.clk(clk), .r(1'b0), .x(1'b0), .q(q));
-  initial #1 $display("%b", q);
-endmodule
-"""
-
-
-@pytest.mark.rule("SAFE-5")
-def test_gowin_flip_flops_start_with_the_values_of_the_verilog():
-    """The part takes the start value from the kind of cell; a parameter INIT would change the model alone."""
-    folder = ROOT / "build/tests/synth-starts"
-    folder.mkdir(parents=True, exist_ok=True)
-    source = folder / "starts.v"
-    source.write_text(f"module starts (input clk, r, x, output [5:0] q);{STARTS}endmodule\n")
-    gates.synthesise(folder, "starts", mapping("gowin", "gw1n", "starts"), [source], {})
-    module = json.loads((folder / "raw.json").read_text())["modules"]["starts"]
-    flip_flops = [cell for cell in module["cells"].values() if cell["type"] in MAPPED["gowin"]]
-    assert len(flip_flops) == 6 and not any(cell["parameters"] for cell in flip_flops)
-    (folder / "bench.v").write_text(START_BENCH + (folder / "raw.v").read_text())
-    cells = gates.LIBRARY / "gowin/cells_sim.v"
-    command = ["iverilog", "-g2012", "-s", "bench", "-o", folder / "bench", folder / "bench.v", cells]
-    subprocess.run(command, check=True)
-    done = subprocess.run(["vvp", "-n", folder / "bench"], check=True, capture_output=True, text=True)
-    assert done.stdout == "010101\n"
 
 
 # ---------------------------------------------------------------- the checks can fail
