@@ -3,11 +3,9 @@
 
 from __future__ import annotations
 
-import subprocess
-
 import pytest
 
-from sim.card.run_card import CARD, Frame, RunningCard
+from sim.card.run_card import Frame, RunningCard
 from sim.card.test_virtual_card import READ_CONTROL, RawPort, of, request_of
 from tb.agents.crc16 import with_crc
 
@@ -141,12 +139,3 @@ def test_switches_are_read_at_power_up(card, master):
     assert answered(master, with_crc(b"\x02" + READ_CONTROL[1:-2]))
     asked = of(all_frames(card), "modbus", "master")[-1]
     assert asked.end - asked.start == pytest.approx(len(READ_CONTROL) * 11 / 19200, rel=0.001)
-
-
-@pytest.mark.nightly
-def test_without_control_the_input_is_ignored(tmp_path):
-    run = subprocess.run(
-        [CARD, "--quiet", "--for", "0.3"], input="trip\n", capture_output=True, text=True, check=False
-    )
-    assert run.returncode == 0
-    assert "ok" not in run.stdout.split("\n")

@@ -124,32 +124,16 @@ def test_sigrok_uart_agrees_with_the_log(recorded, sigrok, line, command):
     assert not [a for a in everything if "rror" in a.text or "reak" in a.text]
 
 
-FUNCTIONS = {
-    0x01: "Function 1: Read Coils",
-    0x03: "Function 3: Read Holding Registers",
-    0x05: "Function 5: Write Single Coil",
-    0x06: "Function 6: Write Single Register",
-    0x0F: "Function 15: Write Multiple Coils",
-    0x10: "Function 16: Write Multiple Registers",
-}
-
-
 @pytest.mark.rule("FRAME-4")
 def test_sigrok_modbus_agrees_with_the_log(network, sigrok):
     annotations = sigrok(ON_NETWORK)
     for frame in network:
         texts = [a.text for a in within(annotations, frame)]
-        code = frame.data[1]
         assert texts[0] == f"Slave ID: {frame.data[0]}"
         assert ("CRC correct" in texts) == frame.ok, (frame, texts)
-        if not frame.ok:
-            assert any(text.startswith("CRC should be") for text in texts)
-        elif code & rtu.EXCEPTION_BIT:
-            assert texts[1] == f"Error for f{FUNCTIONS[code & 0x7F][1:]}"
-            assert any(text.startswith(f"Error {frame.data[2]}:") for text in texts)
-        else:
-            assert texts[1] == FUNCTIONS[code]
-            assert not any("rror" in text or "too long" in text for text in texts), (frame, texts)
+        refused = frame.ok and bool(frame.data[1] & rtu.EXCEPTION_BIT)
+        assert texts[1].startswith("Error for function") == refused
+        assert any(text.startswith(f"Error {frame.data[2]}:") for text in texts) == refused
 
 
 def test_the_documented_command_writes_the_views(shell):

@@ -20,7 +20,7 @@ import pytest
 from regs.dialects import FLAGS, STANDARD
 from rtl.sources import ROOT
 from sim.card.demo import manual_examples, spaced
-from sim.card.example_run import Port, ScriptedDrive
+from sim.card.example_run import Port
 from sim.card.run_card import CARD, Frame, RunningCard
 from tb.agents.crc16 import with_crc
 from tb.lib.nightly import first
@@ -219,19 +219,6 @@ def test_a_foreign_drive_has_wall_time_to_answer_at_full_speed(tmp_path):
             assert master.read(9) == reply_of("ex5-read-514")
         assert card.stop() == 0
         assert len(of(card.frames(), "drive", "card")) == 1
-
-
-# ---------------------------------------------------------------- independent masters and drives
-@pytest.mark.rule("FC-1", "FC-2", "FC-3", "FC-5", "FC-7")
-def test_a_foreign_drive_sees_exactly_the_telegrams_of_the_examples(tmp_path):
-    link = tmp_path / "drive"
-    with RunningCard(tmp_path, "--drive", str(link)) as card, RawPort(card.link) as master:
-        drive = ScriptedDrive(link, drive_replies_of(*MANUAL))
-        for name in MANUAL:
-            master.example(name)
-        drive.stop()
-    assert drive.telegrams == telegrams_of(*MANUAL)
-    assert drive.heard == b""
 
 
 # ---------------------------------------------------------------- the simulated drive
@@ -445,23 +432,6 @@ def test_log_is_complete_and_described(tmp_path):
     times = [t for e in entries for t in (e["t"], e["end"])]
     assert times == sorted(times)
     assert all(re.search(r'"t":\d+\.\d{6},', line) for line in card.log.read_text().splitlines())
-
-
-@pytest.mark.nightly
-@pytest.mark.rule("LED-1", "LED-2", "LED-3", "LED-4")
-def test_the_log_shows_the_leds(tmp_path):
-    with RunningCard(tmp_path, "--drive", "example", "--speed", "max", "--for", "6") as card:
-        with RawPort(card.link) as master:
-            while card.process.poll() is None and "red-flash" not in card.log.read_text():
-                time.sleep(0.01)
-            master.example("ex5-read-514")
-        assert card.wait() == 0
-    for led in ("drive", "modbus"):
-        changes = [e for e in card.entries() if e.get("led") == led]
-        power_up = ["off", "red", "green", "orange", "off"]
-        assert [e["shows"] for e in changes] == [*power_up, "red-flash", "green-flash"]
-        red, green, orange, off = (e["t"] for e in changes[1:5])
-        assert [green - red, orange - green, off - orange] == pytest.approx([0.25] * 3, abs=0.01)
 
 
 # ---------------------------------------------------------------- make demo
