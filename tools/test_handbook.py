@@ -21,6 +21,7 @@ from tb.model import fc_telegram
 from tb.model.card import DIALECTS, FUNCTIONS, CardModel
 from tools import handbook_examples
 from tools.handbook import rows
+from tools.pictures import POWER_UP, STATES
 from tools.symptoms import Bus
 
 PAGES = ROOT / "docs/guide/handbook"
@@ -68,12 +69,7 @@ def test_every_format_has_its_switches():
         is_on(row, "SW4", "SW5"): (row["short"], row["with extended switches"].strip("*"))
         for row in switch_rows("parity")
     }
-    assert found == {
-        "11": ("8N2", "8N2"),
-        "01": ("8O1", "8O1"),
-        "00": ("8E1", "8E1"),
-        "10": ("8N2", "8N1"),
-    }
+    assert found == {"11": ("8N2", "8N2"), "01": ("8O1", "8O1"), "00": ("8E1", "8E1"), "10": ("8N2", "8N1")}
 
 
 @pytest.mark.rule("LOOP-1")
@@ -88,15 +84,8 @@ def test_every_state_of_the_leds_has_its_row():
     code = (ROOT / "sim/card/led_watch.cpp").read_text()
     states = set(re.findall(r'"([\w-]+)"', "".join(re.findall(r"\bk(?:Solid|Flash)\[\] = \{(.*?)\};", code))))
     assert states == {"off", "red", "green", "orange", "red-flash", "green-flash"}
-    shown = [row["shows"] for row in switch_rows("shows")]
-    for text in (
-        "red, green, orange, off, 250 ms each, once",
-        "green, flashing, 1 Hz",
-        "red, flashing, 1 Hz",
-        "red, steady, both LEDs",
-        "orange, steady, both LEDs, 12 s",
-    ):
-        assert text in shown
+    shown = {row["shows"] for row in switch_rows("shows")}
+    assert {POWER_UP, *STATES} < shown
     assert any(text.startswith("both LEDs dark") for text in shown)
     assert all(row["do"] for row in switch_rows("shows"))
 
@@ -223,15 +212,6 @@ def test_each_reason_has_the_code_of_the_model(dialect):
     for meaning, pdu in asked.items():
         reply = CardModel(name=dialect).request(pdu).reply
         assert found[meaning][f"`{dialect}`"].strip("*") == str(reply[1])
-
-
-def test_times_of_the_card_are_those_of_the_rules():
-    values = {row["time"]: row["value"] for row in rows("exceptions", "time")}
-    assert values["start"] == "20 ms, small card 60 ms"
-    assert values["pause on the drive line"] == "2.29 ms"
-    assert values["wait for the drive"] == "40003 \N{MULTIPLICATION SIGN} 10 ms, 150 ms by default"
-    assert values["network time-out"] == "40002 \N{MULTIPLICATION SIGN} 10 ms, 10 s by default; 0: never"
-    assert values["loop-back test"] == "listens 1 s, shows its result 12 s"
 
 
 # ---------------------------------------------------------------- worked examples

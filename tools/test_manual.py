@@ -99,34 +99,6 @@ def test_the_order_of_the_handbook():
     assert "Unplug every USB cable to a computer" in build
 
 
-def sentences(text: str) -> list[str]:
-    prose = re.sub(r"^```.*?^```", "", text, flags=re.MULTILINE | re.DOTALL)
-    return re.split(r"(?<=[.:|]) ", one_line(prose))
-
-
-WORK = re.compile(r"\b(open|unplug|pull|measure|touch|disconnect|remove|loosen|wire)\b", re.IGNORECASE)
-WITHIN = re.compile(r"\b(terminals?|cassette|inside|ribbon|connector|drive)\b", re.IGNORECASE)
-ALIVE = re.compile(r"\b(running|live|turns|powered|while the motor|switched on)\b", re.IGNORECASE)
-RULE = re.compile(r"\b(LINE|FRAME|FC|MAP|EXC|SAFE|PERF|LED|BOOT|WDG|TOP)-\d+\b")
-OWNERS = ["README.md", "docs/guide/handbook.md", "docs/guide/build.md", "docs/reference/rtu2fc.md"]
-OWNERS += [str(path.relative_to(ROOT)) for path in sorted((GUIDES / "handbook").glob("*.md"))]
-
-
-@pytest.mark.parametrize("name", [*OWNERS, "docs/guide/bring-up.md", "docs/guide/debugging.md"])
-def test_no_sentence_asks_for_work_in_a_live_drive(name):
-    asked = [
-        said
-        for said in sentences((ROOT / name).read_text())
-        if WORK.search(said) and WITHIN.search(said) and ALIVE.search(said) and "never" not in said.lower()
-    ]
-    assert not asked
-
-
-@pytest.mark.parametrize("name", OWNERS)
-def test_no_page_of_an_owner_cites_a_rule(name):
-    assert not RULE.findall((ROOT / name).read_text())
-
-
 @pytest.mark.parametrize(
     ("step", "torque"),
     [
@@ -193,19 +165,6 @@ def test_an_example_program_stops_and_waits(program):
     ends = rf"(?s){stop}.*\b(5139|5140)\b.*\b(43|44)\b.*\bstopped\b"
     assert re.search(ends, text.lower()) and "0x047c" not in text.lower()
     assert ONE_SECOND.search(text)
-
-
-def test_time_outs_of_the_masters():
-    """Each row has the time-out of its example program, 1 s. mbpoll takes 1 s by itself, socat none."""
-    (every,) = [
-        row["value"]
-        for row in rows("masters", "setting of every master")
-        if row["setting of every master"] == "time-out"
-    ]
-    assert every.startswith("1 s suits 1200 bit/s and more")
-    found = {row["master"]: row["set"] for row in rows("masters", "master | set")}
-    without = [name for name, text in found.items() if not ONE_SECOND.search(text)]
-    assert without == ["pymodbus 2", "mbpoll", "RTU over TCP"] and found["pymodbus 2"].startswith("the same")
 
 
 @pytest.mark.parametrize("page", ["build", "hardware"])

@@ -137,23 +137,6 @@ def test_sources_are_the_whole_card(sources, config):
     assert len(core) == {"standard": 1, "tiny": 16}[config]
 
 
-@pytest.mark.rule("TOP-2")
-def test_file_list_sets_the_parameters_of_the_configuration(sources, config, tmp_path):
-    """Parameters of the elaborated top, with none given on the command line."""
-    done = command("iverilog", "-g2005", "-s", TOP, "-o", "card", *sources, cwd=tmp_path)
-    assert done.returncode == 0, done.stderr
-    code = (tmp_path / "card").read_text()
-    top = code[code.index(f'"{TOP}"') :].split("S_0x", 1)[0]
-    found = dict(re.findall(r'\.param/l "(\w+)".*?(?:C4|\+C4)<(\w+)>', top))
-    entry = configurations()[config]
-    wanted = {
-        "CLK_HZ": entry["clk_hz"],
-        "SOFT_CORE": entry["soft_core_id"],
-        "MEMORY_BYTES": entry["memory_bytes"],
-    }
-    assert {name: int(found[name], 2) for name in wanted} == wanted
-
-
 @pytest.mark.rule("TOP-1", "TOP-2")
 def test_sources_elaborate_in_any_order_with_nothing_else(sources, config, tmp_path):
     """But for the macros of a configuration other than `standard`, which come first. In any folder."""
