@@ -152,7 +152,7 @@ nightly: | setup-test ## * every test: both cards, both simulators, boards, page
 	@$(MAKE) -j$(JOBS) $(TESTED)
 	@$(PYTEST) --all $(if $(FOLDERS),-m nightly $(FOLDERS))
 
-test-gates: firmware | setup-synth ## the manual's examples on netlists and finished images (1 to 4 minutes each; TEST=)
+test-gates: firmware | setup-synth ## the manual's examples on finished images (1 to 4 minutes each; TEST=)
 	@$(RUN) pytest tb/gates/all.py -n $(JOBS) $(if $(TEST),-k '$(NAMED)')
 
 lint: | setup-lint ## * every static check (1 min)

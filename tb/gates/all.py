@@ -1,9 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The manual's examples on netlists and finished images of the whole card, with the bench of the whole card.
-
-On Icarus a netlist runs about 10 000 clocks a second, so each takes 3 to 4 minutes on an idle machine.
-Therefore `make test-gates` runs them, not `make test`.
-"""
+"""The manual's examples on finished images, with the bench of the whole card: `make test-gates`."""
 
 from pathlib import Path
 
@@ -11,28 +7,9 @@ import pytest
 
 from constraints.boards import board
 from tb.gates.images import netlist, with_wrong_tables, with_wrong_word, world
-from tb.gates.netlists import GATES_HZ
-from tb.gates.test_gates import run_gates
-from tb.lib.runner import firmware, run
+from tb.lib.runner import run
 
 EXAMPLES = "every_example_is_right_byte_for_byte_on_both_lines"
-NETLISTS = [("ice40", "standard"), ("ice40", "tiny"), ("machxo2", "standard"), ("machxo2", "tiny")]
-
-
-@pytest.mark.rule("TOP-1", "TOP-2", "PERF-4")
-@pytest.mark.parametrize(("family", "card"), NETLISTS)
-def test_every_example(family, card):
-    """At the slowest clock that the mapper takes (GATES_HZ)."""
-    parameters = {"CLK_HZ": GATES_HZ[family], "FIRMWARE_HEX": str(firmware(card)), "EXTENDED_SWITCHES": 1}
-    run_gates(
-        family,
-        "rtu2fc",
-        parameters,
-        card,
-        testcase=EXAMPLES,
-    )
-
-
 IMAGES = ["card-gw1n-9", "hx8k-breakout", "card-xo2-1200"]
 each_image = pytest.mark.parametrize("name", IMAGES)
 

@@ -1,12 +1,10 @@
 # SPDX-License-Identifier: Apache-2.0
 """Modules after synthesis, as cells, with their own benches: the mapping kept their function.
 
-`make test-gates` runs the whole card (tb/gates/all.py), which takes minutes for each family.
+`make test-gates` runs the whole card from its finished images (tb/gates/all.py), minutes for each family.
 """
 
-import itertools
 import re
-import subprocess
 
 import pytest
 
@@ -15,7 +13,7 @@ from constraints.image import ImageError
 from constraints.parts import COUNTED_ON
 from rtl.sources import bench_file
 from tb.gates import ice40, machxo2
-from tb.gates.netlists import cells, netlist, with_fast_tables, with_joined_flip_flops
+from tb.gates.netlists import netlist
 from tb.lib.nightly import first
 from tb.lib.runner import run
 from tb.lib.seeds import seeded
@@ -30,12 +28,12 @@ each_family = pytest.mark.parametrize("family", COUNTED_ON)
 first_family = pytest.mark.parametrize("family", first([*COUNTED_ON]))
 
 
-def run_gates(family: str, top: str, parameters=None, config: str = "standard", **more) -> None:
+def run_gates(family: str, top: str, parameters=None, **more) -> None:
     """Runs on Icarus, where x shows a flip-flop without a defined start value."""
     parameters = parameters or {}
     bench = ".".join(bench_file(top).with_suffix("").parts)
-    sources = netlist(family, top, config, parameters)
-    run(top, bench, sim="icarus", config=config, parameters=parameters, sources=sources, **more)
+    sources = netlist(family, top, parameters)
+    run(top, bench, sim="icarus", parameters=parameters, sources=sources, **more)
 
 
 @pytest.mark.nightly
@@ -122,104 +120,3 @@ def test_an_image_without_one_of_the_ports_is_refused():
     assert ice40.with_header(entry, text).count(";\n") == 1 + 13
     with pytest.raises(ImageError, match="has other ports than hx8k_breakout"):
         ice40.with_header(entry, text.replace("input clk", "output clk"))
-
-
-# ---------------------------------------------------------------- the fast cell models
-
-FLIP_FLOPS = {
-    "ice40": [
-        ("SB_DFF", {}, "D", {"C": "c"}),
-        ("SB_DFFE", {}, "D", {"C": "c", "E": "e"}),
-        ("SB_DFFSR", {}, "D", {"C": "c", "R": "r"}),
-        ("SB_DFFSS", {}, "D", {"C": "c", "S": "r"}),
-        ("SB_DFFESR", {}, "D", {"C": "c", "E": "e", "R": "r"}),
-        ("SB_DFFESS", {}, "D", {"C": "c", "E": "e", "S": "r"}),
-    ],
-    "machxo2": [
-        (
-            "TRELLIS_FF",
-            {"CEMUX": enable, "CLKMUX": "CLK", "LSRMUX": "LSR", "REGSET": value, "SRMODE": "LSR_OVER_CE"},
-            "DI",
-            {"CLK": "c", "CE": "e", "LSR": clear},
-        )
-        for enable, value, clear in itertools.product(("1", "CE", "INV"), ("SET", "RESET"), ("r", "1'h0"))
-    ],
-}
-TABLES = {
-    "ice40": ("SB_LUT4", "LUT_INIT", ("I0", "I1", "I2", "I3"), "O"),
-    "machxo2": ("LUT4", "INIT", "ABCD", "Z"),
-}
-STIMULI = 4000
-
-
-def instance(cell: str, parameters: dict[str, str], name: str, pins: dict[str, str]) -> str:
-    """An instance as written by Yosys."""
-    sets, joins = (
-        ",\n".join(f"    .{name}({value})" for name, value in part.items()) for part in (parameters, pins)
-    )
-    return f"  {cell} " + (f"#(\n{sets}\n  ) " if sets else "") + f"{name} (\n{joins}\n  );\n"
-
-
-def each_cell(family: str, inits: list[int]) -> tuple[str, int]:
-    """A netlist of two flip-flops of each kind and of look-up tables, as by Yosys; number of outputs."""
-    lines, outputs = "", 0
-    for cell, parameters, data, pins in FLIP_FLOPS[family]:
-        quoted = {name: f'"{value}"' for name, value in parameters.items()}
-        for bit in range(2):
-            lines += instance(cell, quoted, f"f{outputs}", pins | {data: f"d[{bit}]", "Q": f"q{outputs}"})
-            outputs += 1
-    cell, parameter, inputs, output = TABLES[family]
-    for init in inits:
-        pins = {pin: f"d[{bit}]" for bit, pin in enumerate(inputs)}
-        lines += instance(cell, {parameter: f"16'h{init:04x}"}, f"l{outputs}", pins | {output: f"q{outputs}"})
-        outputs += 1
-    ports = ", ".join(f"output q{n}" for n in range(outputs))
-    return f"module netlist(input c, e, r, input [3:0] d, {ports});\n{lines}endmodule\n", outputs
-
-
-def differences(family: str, tmp_path, change=lambda text: text) -> int:
-    """Number of differences of fast and package models under random inputs; x counts as a value."""
-    rng = seeded("cells")
-    text, outputs = each_cell(family, [0, 0xFFFF, 0x6996, *rng.sample(range(1 << 16), 20)])
-    fast = with_joined_flip_flops(with_fast_tables(family, text))
-    assert "SB_" not in fast and "TRELLIS_FF" not in fast and " LUT4" not in fast
-    levels = ["1'b0", "1'b0", "1'b1", "1'b1", "1'bx"]
-    steps = "".join(
-        f"    {{e, r, d}} = {{{', '.join(rng.choice(levels) for _ in range(6))}}}; step;\n"
-        for _ in range(STIMULI)
-    )
-    (tmp_path / "bench.v").write_text(
-        cells(family)
-        + text
-        + change(fast).replace("module netlist(", "module fast(")
-        + f"""module bench;
-  reg c = 0, e = 0, r = 0;
-  reg [3:0] d = 0;
-  wire [{outputs - 1}:0] slow, fast;
-  integer wrong = 0;
-  netlist slow_i (c, e, r, d, {", ".join(f"slow[{n}]" for n in range(outputs))});
-  fast fast_i (c, e, r, d, {", ".join(f"fast[{n}]" for n in range(outputs))});
-  task step;
-    begin
-      #1 if (slow !== fast) wrong = wrong + 1;
-      c = 1;
-      #1 if (slow !== fast) wrong = wrong + 1;
-      c = 0;
-    end
-  endtask
-  initial begin
-{steps}    $display("%0d", wrong);
-  end
-endmodule
-"""
-    )
-    subprocess.run(
-        ["iverilog", "-g2012", "-s", "bench", "-o", tmp_path / "bench", tmp_path / "bench.v"], check=True
-    )
-    done = subprocess.run(["vvp", "-n", tmp_path / "bench"], check=True, capture_output=True, text=True)
-    return int(done.stdout)
-
-
-@each_family
-def test_fast_cells_are_equivalent_to_those_of_the_package(family, tmp_path):
-    assert differences(family, tmp_path) == 0
