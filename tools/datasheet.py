@@ -24,7 +24,7 @@ from typing import Any
 from campaigns.bench import fingerprint
 from campaigns.line_quality.limits import QUANTITIES
 from constraints import image
-from constraints.boards import boards
+from constraints.boards import CARD, PORT, boards
 from regs.dialects import IMAGES
 from regs.generated.card_tables import RATES
 from rtl.command import VERSION, run_main
@@ -39,7 +39,6 @@ from tools import evidence as measured
 OUT = ROOT / "build/datasheet"
 TEMPLATE = ROOT / "tools/datasheet.html.in"
 FACTS = ROOT / "tools/datasheet.toml"
-TOP = ROOT / "rtl/rtu2fc.v"
 HARDWARE = ROOT / "docs/guide/hardware.md"
 SUITE = "conformance"  # page of the conformance suite
 SUITE_CARDS = ("standard card", "tiny card")
@@ -49,7 +48,6 @@ SIZES = (1.0, 0.96, 0.92)
 PARAMETER = re.compile(r"^\s*parameter\s+(?:\[[^\]]*\]\s*)?(\w+)\s*=\s*([^,\n]+)", re.MULTILINE)
 CLOCK = re.compile(r"^// clk: CLK_HZ, (\d+ to \d+ MHz)\.", re.MULTILINE)
 VALUE = re.compile(r"(?:[-\d.]+ to \+)?\d[\d.]*(?: (?:mA|V|MHz|ppm|kΩ|Ω|°C)\b| °C)")
-PORT = re.compile(r"^\s*(input|output)\s+wire\s*(?:\[(\d+):(\d+)\])?\s*(\w+)", re.MULTILINE)
 # Chromium writes when it printed; both dates have the same length.
 PDF_DATE = re.compile(rb"(/(?:Creation|Mod)Date \(D:)\d{14}\+00'00'")
 FIXED_DATE = rb"\g<1>19700101000000+00'00'"
@@ -165,7 +163,7 @@ def as_html(header: list[str], rows: Iterable[Iterable[str]], own: int | None = 
 
 def meaning(name: str) -> str:
     if name == "clk":
-        if not (found := CLOCK.search(TOP.read_text())):
+        if not (found := CLOCK.search(CARD.read_text())):
             raise DatasheetError("the header of rtl/rtu2fc.v does not give the range of the clock")
         return f"clock, {found[1]}"
     if name not in MEANING:
@@ -174,7 +172,7 @@ def meaning(name: str) -> str:
 
 
 def parameters() -> str:
-    text = without_comments(TOP).split(") (", 1)[0]
+    text = without_comments(CARD).split(") (", 1)[0]
     rows = []
     for name, value in PARAMETER.findall(text):
         value = "configuration" if value.startswith("`CONFIG") else re.sub(r"^\d+'b", "", value.strip())
@@ -183,7 +181,7 @@ def parameters() -> str:
 
 
 def ports() -> str:
-    text = without_comments(TOP).split(") (", 1)[1].split(");", 1)[0]
+    text = without_comments(CARD).split(");", 1)[0]
     rows = [
         [f"`{name}{f'[{high}:{low}]' if high else ''}`", way.removesuffix("put"), meaning(name)]
         for way, high, low, name in PORT.findall(text)
@@ -200,38 +198,6 @@ def configuration_rows() -> str:
         ["first answer after reset", *(f"{entry['boot_ms']} ms" for entry in names.values())],
     ]
     return as_html(["", *(f"`{name}`" for name in names)], rows)
-
-
-BLOCKS = (
-    ("network line", 0, 78, "#fff"),
-    ("network_port", 96, 92, "#eaf2fb"),
-    ("mailbox, gate", 206, 92, "#eaf2fb"),
-    ("drive_port", 316, 80, "#eaf2fb"),
-    ("drive line", 414, 76, "#fff"),
-)
-
-
-def blocks() -> str:
-    """Both lines, both ports, the gate between them, the soft core below."""
-    style = 'stroke="#14508c" stroke-width="1.2"'
-    text = 'font-family="DejaVu Sans, sans-serif" font-size="11" text-anchor="middle" fill="#1d2433"'
-
-    def box(name: str, x: int, y: int, width: int, fill: str) -> str:
-        return (
-            f'<rect x="{x + 1}" y="{y}" width="{width}" height="32" rx="3" fill="{fill}" {style}/>'
-            f'<text x="{x + 1 + width / 2}" y="{y + 20}" {text}>{name}</text>'
-        )
-
-    parts = [box(name, x, 6, width, fill) for name, x, width, fill in BLOCKS]
-    parts += [
-        f'<path d="M{x + width + 1} 22H{BLOCKS[n + 1][1] + 1}" {style}/>'
-        for n, (_, x, width, _) in enumerate(BLOCKS[:-1])
-    ]
-    parts.append(box("RISC-V core, firmware", 168, 62, 168, "#f6f8fb"))
-    parts.append(f'<path d="M253 38V62" {style}/>')
-    parts.append(f'<text x="60" y="54" {text}>{min(BAUDS)} to {max(BAUDS)} bit/s</text>')
-    parts.append(f'<text x="442" y="54" {text}>9600 bit/s 8E1</text>')
-    return f'<svg viewBox="0 0 492 98" role="img" aria-label="Block diagram">{"".join(parts)}</svg>'
 
 
 def target_rows() -> str:
@@ -387,7 +353,7 @@ def page() -> str:
         "older": older(),
         "configurations": configuration_rows(),
         "parameters": parameters(),
-        "blocks": blocks(),
+        "line_rates": f"{min(BAUDS)} to {max(BAUDS)}",
         "ports": ports(),
         "electrical": electrical(facts),
         "targets": target_rows(),
