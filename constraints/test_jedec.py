@@ -36,27 +36,27 @@ def bitstream(idcode: int = IDCODE, command: bytes = COMPRESSED, size: int = 0, 
 
 @dataclass(frozen=True)
 class File:
-    """What a .jed file says; `areas` are the notes and fuses by their first number."""
+    """What a .jed file says; `areas` are the fuses by their first number."""
 
     text: str
-    areas: dict[int, tuple[str, str]]
+    areas: dict[int, str]
 
     @classmethod
     def read(cls, content: bytes) -> File:
         text = content.decode("ascii")
-        fields = re.findall(r"NOTE ([^*]*)\*\nL(\d+)\n([01\n]*)\*\n", text)
-        return cls(text, {int(at): (note, fuses.replace("\n", "")) for note, at, fuses in fields})
+        fields = re.findall(r"NOTE [^*]*\*\nL(\d+)\n([01\n]*)\*\n", text)
+        return cls(text, {int(at): fuses.replace("\n", "") for at, fuses in fields})
 
     def field(self, letters: str) -> str:
         (found,) = re.findall(rf"^{letters}([^*]*)\*$", self.text, re.MULTILINE)
         return found
 
     def fuses(self) -> str:
-        return "".join(fuses for _, (_, fuses) in sorted(self.areas.items()))
+        return "".join(fuses for _, fuses in sorted(self.areas.items()))
 
     def stream(self) -> bytes:
         """The first area as bytes."""
-        fuses = self.areas[0][1]
+        fuses = self.areas[0]
         return bytes(int(fuses[at : at + 8], 2) for at in range(0, len(fuses), 8))
 
 
@@ -76,18 +76,12 @@ def test_the_first_area_is_the_stream_filled_up_to_whole_pages(made):
 
 def test_every_fuse_is_there_once(made):
     at = 0
-    for start, (_, fuses) in sorted(made.areas.items()):
+    for start, fuses in sorted(made.areas.items()):
         assert start == at
         at += len(fuses)
     assert at == int(made.field("QF")) == (PAGES + USER_PAGES) * 128 == 343936
     lines = re.findall(r"^[01]{17,}$", made.text, re.MULTILINE)
     assert {len(line) for line in lines} == {128}
-
-
-def test_the_rest_is_empty_and_openfpgaloader_leaves_it_out(made):
-    """Its parser knows this note. An area with another note would take the place of the first one."""
-    first, (note, fuses) = sorted(made.areas.items())[1:][0]
-    assert (first, note, set(fuses), len(made.areas)) == (1008 * 8, "END CONFIG DATA", {"0"}, 2)
 
 
 def test_the_checksums_are_those_of_the_standard(made):
@@ -107,7 +101,7 @@ def test_feature_row_and_feabits_are_the_chosen_ones(made):
 
 def test_a_full_flash_is_still_accepted():
     full = File.read(jedec.jedec(bitstream(size=PAGES * 16), BOARD))
-    assert len(full.areas[0][1]) == PAGES * 128 and len(full.fuses()) == int(full.field("QF"))
+    assert len(full.areas[0]) == PAGES * 128 and len(full.fuses()) == int(full.field("QF"))
 
 
 # ---------------------------------------------------------------- refusals

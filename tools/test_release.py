@@ -12,8 +12,6 @@ import pytest
 
 from constraints.boards import boards
 from rtl.command import VERSION
-from rtl.sources import ROOT
-from tb.model.card import OBJECTS
 from tools import datasheet, evidence, release, trace
 from tools.trace import Result
 
@@ -28,13 +26,6 @@ CHANGES = """# Changelog
 
 - A thing.
 """
-
-
-def test_one_number_everywhere():
-    """Also in build/card and in the replies of functions 11 and 2B/0E: sim/card/test_virtual_card.py."""
-    assert re.fullmatch(r"\d+\.\d+\.\d+", NUMBER)
-    assert f'#define CARD_VERSION "{NUMBER}"\n' in (ROOT / "regs/generated/version.h").read_text()
-    assert OBJECTS[2] == NUMBER.encode()
 
 
 def test_the_changelog_has_a_section_of_the_release():

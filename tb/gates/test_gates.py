@@ -4,19 +4,14 @@
 `make test-gates` runs the whole card from its finished images (tb/gates/all.py), minutes for each family.
 """
 
-import re
-
 import pytest
 
-from constraints.boards import board, ports
-from constraints.image import ImageError
 from constraints.parts import COUNTED_ON
 from rtl.sources import bench_file
-from tb.gates import ice40, machxo2
+from tb.gates import machxo2
 from tb.gates.netlists import netlist
 from tb.lib.nightly import first
 from tb.lib.runner import run
-from tb.lib.seeds import seeded
 from tb.rtl import test_firmware_ram as ram
 from tb.rtl.test_uart import UNIT_TESTS
 
@@ -104,19 +99,3 @@ def test_the_inputs_of_a_look_up_table_may_be_exchanged():
     """A AND NOT B in every order of four inputs; NOT A OR B is another table."""
     orders = machxo2.orders_of(0x2222)
     assert len(orders) == 12 and {0x2222, 0x4444, 0x00AA} < orders and 0xDDDD not in orders
-
-
-def test_the_words_of_a_block_ram_are_its_parameters():
-    words = [seeded("words").randrange(512) for _ in range(machxo2.BRAM_WORDS)]
-    rows = re.findall(r"\.(INITVAL_\w\w)\(320'h(\w+)\)", machxo2.initvals(words))
-    cell = {"parameters": {name: f"{int(value, 16):0320b}" for name, value in rows}}
-    assert machxo2.initial_words(cell) == words
-
-
-def test_an_image_without_one_of_the_ports_is_refused():
-    entry = board("hx8k-breakout")
-    declared = ", ".join(f"{way} {port}" for port, way in ports(entry.wrapper).items() if "[" not in port)
-    text = f"module {entry.top} (input [9:1] \\sw_baud_n , input [8:1] \\sw_addr_n , {declared});\n"
-    assert ice40.with_header(entry, text).count(";\n") == 1 + 13
-    with pytest.raises(ImageError, match="has other ports than hx8k_breakout"):
-        ice40.with_header(entry, text.replace("input clk", "output clk"))

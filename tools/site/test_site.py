@@ -17,45 +17,27 @@ from rtl.sources import ROOT
 from tools import chromium
 from tools.site import hooks
 
-# What the build reads besides docs/ and tools/.
-READ = [f"rtl/{name}.py" for name in ("command", "report_page", "sources")]
-READ += [str(page.relative_to(ROOT)) for page in hooks.PAGES if hooks.DOCS not in page.parents]
 # The browser opens pages as files here; a script may look into frames of other files.
 LOOK_INSIDE = ("--allow-file-access-from-files",)
-
-
-def make(folder: Path, root: Path = ROOT) -> subprocess.CompletedProcess:
-    command = [sys.executable, "-m", "tools.site.build", str(folder)]
-    return subprocess.run(command, cwd=root, capture_output=True, text=True, check=False)
 
 
 @pytest.fixture(scope="module")
 def site(tmp_path_factory) -> Path:
     folder = tmp_path_factory.mktemp("built") / "site"
-    done = make(folder)
+    command = [sys.executable, "-m", "tools.site.build", folder]
+    done = subprocess.run(command, cwd=ROOT, capture_output=True, text=True, check=False)
     assert done.returncode == 0, done.stderr
     # The page of switch positions is not one of MkDocs.
     assert re.fullmatch(rf"\S*index\.html: {len(hooks.PAGES) + len(evidence()) + 1} pages\n", done.stdout)
     return folder
 
 
-@pytest.fixture
-def project(tmp_path) -> Path:
-    """A copy of all that the build reads."""
-    for folder in ("docs", "tools"):
-        shutil.copytree(ROOT / folder, tmp_path / folder, ignore=shutil.ignore_patterns("__pycache__"))
-    for name in READ:
-        (tmp_path / name).parent.mkdir(parents=True, exist_ok=True)
-        shutil.copy(ROOT / name, tmp_path / name)
-    return tmp_path
-
-
 class Asked(HTMLParser):
-    """Addresses of scripts, styles, frames, fonts and pictures of a page, and of its pictures alone."""
+    """Addresses of scripts, styles, frames, fonts and pictures of a page."""
 
     def __init__(self, text: str) -> None:
         super().__init__()
-        self.all, self.pictures = [], []
+        self.all = []
         self.feed(text)
 
     def handle_starttag(self, tag: str, attrs: list[tuple[str, str | None]]) -> None:
@@ -63,8 +45,6 @@ class Asked(HTMLParser):
         name = "href" if tag == "link" else "data" if tag == "object" else "src"
         if tag != "a" and name in given:
             self.all.append(given[name])
-        if tag == "img":
-            self.pictures.append(given["src"])
 
 
 def elsewhere(addresses: list[str]) -> list[str]:
@@ -115,19 +95,6 @@ def test_the_list_of_reports_has_a_summary_of_each():
 def test_what_belongs_to_a_list_is_indented_by_four():
     assert hooks.indented("1. a\n\n   | b |\n") == "1. a\n\n    | b |\n"
     assert hooks.indented("```\n   a\n```\n  - b\n") == "```\n   a\n```\n  - b\n"
-
-
-@pytest.mark.nightly("docs")
-def test_dead_links_and_lost_pages_are_named(project):
-    with (project / "docs/glossary.md").open("a") as page:
-        page.write("\n[dead](nosuch.md) [no heading](hardening.md#nosuch)\n")
-    (project / "docs" / "guide/lost.md").write_text("# Lost\n")
-    done = make(project / "site", project)
-    assert (done.returncode, done.stdout) == (1, "")
-    lines = done.stderr.splitlines()
-    assert len(lines) == 3, done.stderr
-    for part in ("'nosuch.md'", "#nosuch", "guide/lost.md"):
-        assert sum(part in line for line in lines) == 1, part
 
 
 @pytest.mark.nightly("docs")
