@@ -108,9 +108,4 @@ def with_codes(text: str) -> str:
     return re.sub(r"^\| \*\*\d+\*\* \| [0-9A-F]{2}h \| .*\|$", fresh, text, flags=re.MULTILINE)
 
 
-BLOCKS = {
-    "dialects": documents,
-    "options": options,
-    "differences": differences,
-    "status-images": refresh,
-}
+BLOCKS = {"dialects": documents, "options": options, "differences": differences, "status-images": refresh}

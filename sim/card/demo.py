@@ -40,6 +40,13 @@ ENDS_IN = {
     "ex2-ramp-stop": STOPPED,
     "ex3-coast-stop": STOPPED,
 }
+# Line and sender of each frame of an example, in the order in which they are shown.
+ON_LINES = {
+    "request": ("modbus", "master"),
+    "FC telegram": ("drive", "card"),
+    "drive's reply": ("drive", "drive"),
+    "Modbus reply": ("modbus", "card"),
+}
 RAMP_S = 15.0  # simulated time for the drive's ramp
 END_TEXT_ACCESS = bytes.fromhex("01 06 00 00 00 00 89 CA")  # register 40001 (IND) = 0
 
@@ -95,23 +102,18 @@ def show_frame(label: str, frame: Frame | None) -> None:
         show("", frame.what if frame.ok else f"BAD: {frame.what}")
 
 
-def differences(example: Example, frames: list[Frame], exchange: Exchange) -> Iterator[str]:
+def differences(example: Example, seen: dict[str, list[Frame]], exchange: Exchange) -> Iterator[str]:
     """Deviations from the manual, described."""
-
-    def seen(line: str, sender: str) -> list[bytes]:
-        return [f.data for f in frames if (f.line, f.sender) == (line, sender)]
-
     expected = {
-        ("request", "modbus", "master"): [example.request],
-        ("FC telegram", "drive", "card"): [telegram for telegram, _ in example.drive],
-        ("drive's reply", "drive", "drive"): [reply for _, reply in example.drive],
-        ("Modbus reply", "modbus", "card"): [example.reply],
+        "request": [example.request],
+        "FC telegram": [telegram for telegram, _ in example.drive],
+        "drive's reply": [reply for _, reply in example.drive],
+        "Modbus reply": [example.reply],
     }
     if example.ends_in:
-        del expected["drive's reply", "drive", "drive"]
-    for (what, line, sender), wanted in expected.items():
-        got = seen(line, sender)
-        if got != wanted:
+        del expected["drive's reply"]
+    for what, wanted in expected.items():
+        if [frame.data for frame in seen[what]] != wanted:
             yield f"{what}: expected {', '.join(map(spaced, wanted)) or 'none'}"
     if not exchange.accepted:
         yield f"the master says: {exchange.answer}"
@@ -140,24 +142,19 @@ def run_example(
     before = len(card.frames())
     exchange = ask()
     frames = card.wait_for_frames(before, "modbus", "card")
-
-    def first(line: str, sender: str) -> Frame | None:
-        return next((f for f in frames if (f.line, f.sender) == (line, sender)), None)
-
-    request, reply = first("modbus", "master"), first("modbus", "card")
+    seen = {what: [f for f in frames if (f.line, f.sender) == of] for what, of in ON_LINES.items()}
     print(example.title)
     show("asked by", exchange.call)
-    show_frame("request", request)
-    show_frame("FC telegram", first("drive", "card"))
-    show_frame("drive's reply", first("drive", "drive"))
-    show_frame("Modbus reply", reply)
+    for what in ON_LINES:
+        show_frame(what, next(iter(seen[what]), None))
     show("expected", spaced(example.reply))
     show("master got", exchange.answer)
-    wrong = list(differences(example, frames, exchange))
+    wrong = list(differences(example, seen, exchange))
     if read:
         show("drive then", shown := state(card, read, example.ends_in))
         wrong += [f"drive then: expected {example.ends_in}"] * (shown != example.ends_in)
-    turnaround = (reply.start - request.end) * 1000 if request and reply else None
+    request, reply = seen["request"], seen["Modbus reply"]
+    turnaround = (reply[0].start - request[0].end) * 1000 if request and reply else None
     show("turnaround", f"{turnaround:.2f} ms simulated" if turnaround else "no reply")
     show("verdict", "FAILED" if wrong else "passed")
     for line in wrong:
