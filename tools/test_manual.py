@@ -12,6 +12,7 @@ import re
 import pytest
 
 from rtl.sources import ROOT
+from tb.lib.rows import each_row
 from tools.handbook import rows
 
 GUIDES = ROOT / "docs/guide"
@@ -97,6 +98,29 @@ def test_the_order_of_the_handbook():
     assert "Ask it, without a drive. No drive is connected." in build
     assert build.index("Take out the old card with its wires") < build.index("Wire A of the drive module")
     assert "Unplug every USB cable to a computer" in build
+
+
+def sentences(text: str) -> list[str]:
+    prose = re.sub(r"^```.*?^```", "", text, flags=re.MULTILINE | re.DOTALL)
+    return re.split(r"(?<=[.:|]) ", one_line(prose))
+
+
+WORK = re.compile(r"\b(open|unplug|pull|measure|touch|disconnect|remove|loosen|wire)\b", re.IGNORECASE)
+WITHIN = re.compile(r"\b(terminals?|cassette|inside|ribbon|connector|drive)\b", re.IGNORECASE)
+ALIVE = re.compile(r"\b(running|live|turns|powered|while the motor|switched on)\b", re.IGNORECASE)
+OWNERS = ["README.md", "docs/guide/handbook.md", "docs/reference/rtu2fc.md"]
+OWNERS += [f"docs/guide/{name}.md" for name in ("build", "bring-up", "debugging")]
+OWNERS += [str(path.relative_to(ROOT)) for path in sorted((GUIDES / "handbook").glob("*.md"))]
+
+
+@each_row("name", OWNERS)
+def test_no_sentence_asks_for_work_in_a_live_drive(name):
+    asked = [
+        said
+        for said in sentences((ROOT / name).read_text())
+        if WORK.search(said) and WITHIN.search(said) and ALIVE.search(said) and "never" not in said.lower()
+    ]
+    assert not asked
 
 
 @pytest.mark.parametrize(
