@@ -193,8 +193,8 @@ fuzz-firmware: | setup-firmware ## fuzz the firmware against its oracles (RUNS=)
 	@$(RUN) sw.test.fuzz $(if $(RUNS),--runs $(RUNS)) $(if $(SEED),--seed $(SEED)) --jobs $(JOBS) --write
 
 ##@ Build for hardware
-synth: firmware | setup-synth ## * bitstreams and resource use (22 min; BOARD=name: one board; all boards write the report)
-	@$(RUN) constraints.synth $(BOARD)
+synth: firmware | setup-synth ## * bitstreams and resource use (12 min; BOARD=name: one board; all boards write the report)
+	@$(RUN) constraints.synth --jobs $(JOBS) $(BOARD)
 
 image: firmware | setup-synth ## another firmware into a finished bitstream (BOARD=, FIRMWARE=)
 	@[ -n "$(BOARD)" ] && [ -n "$(FIRMWARE)" ] || \

@@ -3,6 +3,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
+
 from constraints import flow
 from rtl.sources import ROOT, card_files, configurations, rtl_files
 
@@ -57,13 +59,29 @@ def selection(modules: set[str], kind: str = "") -> str:
     )
 
 
-def count_part(config: str, family: str, mapper: str, stay: set[str]) -> dict[str, int]:
+def counts() -> Iterator[tuple[str, str, str, str, set[str]]]:
+    """What count_part takes, for each cell of the table."""
+    for label, config, stay in PARTS:
+        for family in COUNTED_ON:
+            yield from ((label, family, mapper, config, stay) for mapper in FLOWS)
+
+
+def rows(found: dict) -> dict[str, dict]:
+    """The counts by label, family and flow, as a table."""
+    return {
+        label: {family: {mapper: found[label, family, mapper] for mapper in FLOWS} for family in COUNTED_ON}
+        for label, *_ in PARTS
+    }
+
+
+def count_part(label: str, family: str, mapper: str, config: str, stay: set[str]) -> dict[str, int]:
     """Cells, flip-flops and block RAMs of a part."""
     modules = {path.stem for path in rtl_files()} - {"rtu2fc"}
     if not stay <= modules:
         raise flow.SynthError(f"no such module: {', '.join(sorted(stay - modules))}")
     gone = modules - stay
-    folder = flow.BUILD / "parts"
+    number = [one for one, *_ in PARTS].index(label)
+    folder = flow.BUILD / "parts" / f"{number}-{family}-{mapper}"
     folder.mkdir(parents=True, exist_ok=True)
     relative = folder.relative_to(ROOT)
     entry = configurations()[config]

@@ -5,8 +5,8 @@
 
 All files go to build/synth/BOARD. The finished design holds a random pattern in place of the firmware;
 constraints/image.py inserts an image without another place and route. Exit 1 if a board does not fit its part
-or is slower than MARGIN times its clock, if the front end has more cells than TARGETS, or if fewer than
-ENOUGH_SEEDS seeds place the fullest board in time; 2 for an unknown board.
+or is slower than MARGIN times its clock, or if the front end has more cells than TARGETS; 2 for an unknown
+board.
 """
 
 from __future__ import annotations
@@ -15,23 +15,21 @@ import hashlib
 import json
 import re
 import resource
-import shutil
 import sys
 from pathlib import Path
 
 from constraints import flow, image, parts
 from constraints.boards import Board, board, boards, problems
-from rtl.command import Parser, run_main
+from rtl.command import Parser, in_processes, run_main
 from rtl.report_page import publish
 from rtl.sources import ROOT, SourcesError, card_files, configurations
+from tb.lib.options import at_least
 
 RESULTS = flow.BUILD / "results.json"
 TEMPLATE = ROOT / "constraints/synthesis.md.in"
 # Ratio of Fmax to the board's clock.
 MARGIN = 1.5
-# The board with the least room in its part: all its seeds are tried, and so many of them must be in time.
-FULLEST = "card-xo2-1200"
-ENOUGH_SEEDS = 8
+BOARD, PART = "board", "part"
 
 
 def route(entry: Board, folder: Path) -> tuple[int, dict]:
@@ -101,31 +99,6 @@ def build(entry: Board) -> dict:
     }
 
 
-def each_seed(entry: Board) -> dict[int, float | None]:
-    """Fmax by seed of a board that has been built; None if nextpnr found no placement or route."""
-    folder = flow.BUILD / entry.name
-    shutil.copyfile(folder / f"{entry.top}.json", folder / "seeds.json")
-    found: dict[int, float | None] = {}
-    for seed in sorted(entry.seeds):
-        try:
-            found[seed] = round(flow.fmax_mhz(flow.place_and_route(entry, folder, "seeds", seed)), 2)
-        except flow.SynthError:
-            found[seed] = None
-    return found
-
-
-def in_time(entry: Board, seeds: dict[int, float | None]) -> list[float]:
-    return [fmax for fmax in seeds.values() if fmax and fmax >= MARGIN * entry.clk_hz / 1e6]
-
-
-def too_few(entry: Board, seeds: dict[int, float | None]) -> list[str]:
-    """A design that only lucky seeds place is one that the next change may break."""
-    good = len(in_time(entry, seeds))
-    if good >= ENOUGH_SEEDS:
-        return []
-    return [f"{entry.name}: {good} of {len(seeds)} seeds fit in time, but {ENOUGH_SEEDS} are its target"]
-
-
 def line(name: str, row: dict) -> str:
     share = 100 * row["cells"] / row["cells_of"]
     return (
@@ -173,66 +146,66 @@ def board_row(name: str, row: dict) -> str:
     )
 
 
-def seeds_line(name: str, seeds: dict[int, float | None]) -> str:
-    routed = [fmax for fmax in seeds.values() if fmax]
-    good = len(in_time(board(name), seeds))
-    text = f"`{name}`: {len(routed)} of {len(seeds)} seeds fit, {good} of them in time"
-    return text + (f"; Fmax from {min(routed):.1f} to {max(routed):.1f} MHz." if routed else ".")
-
-
 def write_docs(results: dict) -> None:
     text = TEMPLATE.read_text()
     text = text.replace("{boards}", "\n".join(board_row(*item) for item in results["boards"].items()))
-    text = text.replace("{seeds}", seeds_line(FULLEST, results["seeds"]))
     text = text.replace("{design}", measured_from())
     text = text.replace("{parts}", "\n".join(parts.part_row(*item) for item in results["parts"].items()))
-    said = seeds_line(FULLEST, results["seeds"])
+    slowest = min(row["fmax_mhz"] / row["clk_mhz"] for row in results["boards"].values())
+    said = f"{len(results['boards'])} boards; each fits and reaches {slowest:.2f} times its clock at least."
+    RESULTS.write_text(json.dumps(results, indent=1) + "\n")
     publish("synthesis", text, "make synth", {"design": measured_from()}, said, ["", "Share of each part"])
+
+
+def built(entry: Board) -> tuple[dict, list[str]]:
+    """In a worker: the figures of a board, and what is wrong with it."""
+    if said := problems(entry):
+        return {}, said
+    try:
+        flow.try_pins(entry, flow.BUILD / entry.name)
+        row = build(entry)
+    except (flow.SynthError, SourcesError, image.ImageError) as error:
+        return {}, [str(error)]
+    return row, too_big(entry.name, row)
+
+
+def done(task: tuple) -> tuple[tuple, object]:
+    """In a worker: a board, or a part of the card by one flow."""
+    what, *about = task
+    return task, (built if what == BOARD else parts.count_part)(*about)
 
 
 def main() -> int:
     parser = Parser(prog="synth", description=__doc__.splitlines()[0])
     parser.add_argument("boards", nargs="*", metavar="BOARD")
+    parser.add_argument("--jobs", type=at_least(1), default=2)
     args = parser.parse_args()
     try:
         chosen = [board(name) for name in args.boards] or list(boards().values())
     except SourcesError as error:
         print(error, file=sys.stderr)
         return 2
-    wrong = []
-    results = {"boards": {}, "parts": {}}
-    for entry in chosen:
-        try:
-            if said := problems(entry):
-                wrong += said
-                continue
-            flow.try_pins(entry, flow.BUILD / entry.name)
-            row = build(entry)
-        except (flow.SynthError, SourcesError, image.ImageError) as error:
-            wrong.append(str(error))
+    tasks = [(BOARD, entry) for entry in chosen]
+    tasks += [(PART, *count) for count in parts.counts()] if not args.boards else []
+    found, wrong = {}, []
+    for task, outcome in in_processes(args.jobs, done, tasks):
+        if task[0] == PART:
+            found[task[1:4]] = outcome
             continue
-        print("\n".join([line(entry.name, row), *(f"{'':<14} {name}" for name in row["files"])]), flush=True)
-        results["boards"][entry.name] = row
-        wrong += too_big(entry.name, row)
-    if not args.boards and not wrong:
-        for label, config, stay in parts.PARTS:
-            results["parts"][label] = {
-                family: {mapper: parts.count_part(config, family, mapper, stay) for mapper in parts.FLOWS}
-                for family in parts.COUNTED_ON
-            }
-            print(parts.part_row(label, results["parts"][label]), flush=True)
-        wrong += parts.over_target(results["parts"][parts.FRONT_END])
-    if not args.boards and not wrong:
-        results["seeds"] = each_seed(board(FULLEST))
-        print(seeds_line(FULLEST, results["seeds"]), flush=True)
-        wrong += too_few(board(FULLEST), results["seeds"])
-    if not args.boards and not wrong:
-        RESULTS.write_text(json.dumps(results, indent=1) + "\n")
-        write_docs(results)
+        name, (row, said) = task[1].name, outcome
+        wrong += said
+        if row:
+            found[name] = row
+            print("\n".join([line(name, row), *(f"{'':<14} {file}" for file in row["files"])]), flush=True)
+    if not args.boards:
+        rows = parts.rows(found)
+        wrong += parts.over_target(rows[parts.FRONT_END])
+        if not wrong:
+            write_docs({"boards": {entry.name: found[entry.name] for entry in chosen}, "parts": rows})
     for text in wrong:
         print(f"synth: {text}", file=sys.stderr)
     return 1 if wrong else 0
 
 
 if __name__ == "__main__":
-    run_main("synth", main)
+    run_main("synth", main, flow.SynthError)
