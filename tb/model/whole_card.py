@@ -332,7 +332,8 @@ class LineJudge:
         """
         request = exchange.request
         kept = self._keeps_place(request) and not request.to_all
-        in_time = all(newer.overtaken or burst.rise <= newer.committed + self.budget for newer in self.queue)
+        newer = self._newer(exchange)
+        in_time = all(one.overtaken or burst.rise <= one.committed + self.budget for one in newer)
         return kept and in_time and burst.data == request.telegram
 
     def _repeat_is_held(self, exchange: Exchange) -> bool:
@@ -672,8 +673,12 @@ class LineJudge:
             # reply that the drive is silent. That reply looks the same for fault 255, but comes later.
             again = [b.data for b in self.telegrams if at < b.rise < self._starts_by(at + self.budget)]
             waiting = [asker.telegram, *(request.telegram for request in self.queue)]
-            if again and again[0] not in waiting:
-                return True  # a text telegram follows
+            if (
+                again
+                and again[0] not in waiting
+                and self._parameter(again[0]) == self._parameter(asker.telegram)
+            ):
+                return True  # a text telegram follows, not that of a request that came later
             by = at + self.budget + 1.3 * self.line.bit
             replies = [burst for burst in self.replies if at - self.drive.bit < burst.rise < by]
             if not replies:
@@ -693,6 +698,11 @@ class LineJudge:
             )
             return True
         raise Unclear(at, "a reply of the drive at the end of its wait, which nothing later reveals")
+
+    @staticmethod
+    def _parameter(telegram: bytes) -> tuple[int, int]:
+        """The number in its PKE, without AK."""
+        return telegram[3] & 7, telegram[4]
 
     def _answered_by_drive(self, exchange: Exchange, step: Step, at: float, doubtful: bool) -> None:
         request = exchange.request
