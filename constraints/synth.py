@@ -23,7 +23,6 @@ from constraints.boards import Board, board, boards, problems
 from rtl.command import Parser, in_processes, run_main
 from rtl.report_page import publish
 from rtl.sources import ROOT, SourcesError, card_files, configurations
-from tb.lib.options import at_least
 
 RESULTS = flow.BUILD / "results.json"
 TEMPLATE = ROOT / "constraints/synthesis.md.in"
@@ -178,7 +177,7 @@ def done(task: tuple) -> tuple[tuple, object]:
 def main() -> int:
     parser = Parser(prog="synth", description=__doc__.splitlines()[0])
     parser.add_argument("boards", nargs="*", metavar="BOARD")
-    parser.add_argument("--jobs", type=at_least(1), default=2)
+    parser.add_argument("--jobs", type=int, default=2)
     args = parser.parse_args()
     try:
         chosen = [board(name) for name in args.boards] or list(boards().values())
