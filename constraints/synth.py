@@ -158,9 +158,9 @@ def write_docs(results: dict) -> None:
 
 def built(entry: Board) -> tuple[dict, list[str]]:
     """In a worker: the figures of a board, and what is wrong with it."""
-    if said := problems(entry):
-        return {}, said
     try:
+        if said := problems(entry):
+            return {}, said
         flow.try_pins(entry, flow.BUILD / entry.name)
         row = build(entry)
     except (flow.SynthError, SourcesError, image.ImageError) as error:

@@ -78,7 +78,7 @@ def test_a_table_of_the_evidence_stands_in_a_guide():
     text = hooks.filled("a\n\n<!-- evidence: bench, The targets -->\n\nb")
     header, *rows = evidence()["bench"]["tables"]["The targets"]
     assert f"| {' | '.join(header)} |\n| ---" in text and text.count("\n| ") == len(rows) + 2
-    assert "`make bench`" in text
+    assert "Measured by `make bench" in text
 
 
 def test_the_list_of_reports_has_a_summary_of_each():
