@@ -77,7 +77,7 @@ LATER = Step("ten seconds later: read the motor current", CURRENT, wait=10)
 STATE = Step("read status word and output frequency", rtu.read_coils(STATE_COIL, 32))
 INDEX = 0  # register 40001 on the wire
 RUNS_ON = "**The motor still runs.** Stop it as in [ramp stop](#ramp-stop)."
-BY_COMMAND = "`rtu2fc {} {}` does all these steps, and says whether the drive obeyed."
+BY_COMMAND = "In one command, which says whether the drive obeyed: `rtu2fc {} {}`."
 
 
 def runs(drive: VltDrive) -> None:

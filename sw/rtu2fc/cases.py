@@ -355,7 +355,7 @@ CASES: list[Case] = []
 
 
 def case(number: str, page: str, needs: str = BYTES, kind: Kind | None = None) -> Callable:
-    """Reads the dialogue's docstring. Bars divide it: what is sent, what must come, what must not come.
+    """Reads a dialogue's docstring: bars divide what is sent, what must come and what must not come.
 
     One dialogue may be a test of registers and another of coils: its docstring names the fields of `kind`.
     """

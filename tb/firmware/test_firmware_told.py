@@ -114,8 +114,8 @@ def test_at_rest_the_drive_was_told_what_the_image_shows(made: Build):
     for _ in range(cases(100, 400)):
         rounds = Rounds(made, random.Random(seed := rng.random()))
         if made.option == "MASTER_LOSS_STOP":
-            rounds.bench.local(H("06 0001") + bytes([0, rng.choice((3, 8, 20, 60))]))
-        for _ in range(rng.randint(8, 40)):
+            rounds.bench.local(H("06 0001") + bytes([0, rounds.rng.choice((3, 8, 20, 60))]))
+        for _ in range(rounds.rng.randint(8, 40)):
             rounds.step()
         rounds.rest()
         if made.option == "MASTER_LOSS_STOP":
