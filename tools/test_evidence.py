@@ -93,6 +93,15 @@ def test_only_what_is_of_another_card_is_measured_again(two_reports, monkeypatch
     assert "evidence: failed: two: make make-two: exit code 2" in capsys.readouterr().out
 
 
+def test_a_report_that_its_commands_leave_as_it_was_is_a_failure(two_reports, monkeypatch, capsys):
+    monkeypatch.setattr("sys.argv", ["evidence"])
+    monkeypatch.setitem(fingerprint.SUBJECTS, "tiny card", lambda: "another")
+    done = subprocess.CompletedProcess([], 0)
+    monkeypatch.setattr(tool.subprocess, "run", lambda command, **how: done)
+    assert tool.main() == 1
+    assert "evidence: failed: two: no command renewed it" in capsys.readouterr().out
+
+
 def test_a_stopped_command_stops_the_whole(two_reports, monkeypatch):
     monkeypatch.setattr("sys.argv", ["evidence"])
     monkeypatch.setitem(fingerprint.SUBJECTS, "standard card", lambda: "another")
