@@ -3,6 +3,7 @@
 //
 // The ghosts (g_*) follow the rules from the strobes alone: the newest request, the licences that commits gave and
 // telegrams used, and the telegram that was ordered last. STOP: MASTER_LOSS_STOP = 1.
+// SECOND: SECOND_TELEGRAM = 1. LIVE: with what the firmware does, a changed image leaves in time.
 // Assumed of rtu_rx, and proved there: no revoke together with candidate or commit, and no commit with a candidate. A start
 // bit comes before each candidate. broadcast and writes_* change with a candidate only. Assumed of network_port: a line
 // on which a character begins is not silent, a quiet line is. Assumed of mailbox_regs: one order in a clock. Assumed of
@@ -10,7 +11,7 @@
 
 reg g_past = 1'b0;
 always @(posedge clk) g_past <= 1'b1;
-initial assume (rst);
+initial assume (rst && !order_telegram);  // the soft core is in reset, too
 
 // ---- the newest request (FRAME-6)
 reg g_pending = 1'b0;
@@ -25,7 +26,13 @@ wire g_current = order_ticket == g_ticket;
 // ---- licences: what was committed and has not left (FRAME-7)
 reg g_image = 1'b0;
 reg g_free = 1'b0;  // by a committed write of coils, so the start bit may be 1
-reg g_one = 1'b0;
+reg [1:0] g_ones = 2'd0;  // of a parameter for one
+`ifdef SECOND
+localparam [1:0] G_EACH = 2'd2;  // telegrams that one commit gives
+`else
+localparam [1:0] G_EACH = 2'd1;
+`endif
+wire g_one = g_ones != 2'd0;
 reg g_all = 1'b0;
 wire g_gives_image = g_commits && writes_coils;
 wire g_gives_one = g_commits && writes_parameter && !broadcast;
@@ -49,6 +56,7 @@ reg g_was_committed = 1'b0;  // which has committed since, or had before
 reg g_old = 1'b0;  // since it was made, its kind changed by another commit
 reg g_started = 1'b0;
 reg g_told_free = 1'b0;
+reg g_is_stop = 1'b0;  // the stop of a lost master (SAFE-7)
 wire g_licence = g_kind == 2'd0 ? g_committed && !g_answered && !broadcast :
     g_kind == 2'd1 ? g_image : g_kind == 2'd2 ? g_one : g_all;
 wire g_changes = g_kind == 2'd0 ? g_commits : g_kind == 2'd1 ? g_gives_image :
@@ -75,8 +83,8 @@ always @(posedge clk) begin
   if (g_gives_image) {g_image, g_free} <= 2'b11;
   else if (g_takes && g_kind == 2'd1) {g_image, g_free} <= 2'b00;
   else if (g_stops) g_image <= 1'b1;
-  if (g_gives_one) g_one <= 1'b1;
-  else if (g_takes && g_kind == 2'd2) g_one <= 1'b0;
+  if (g_gives_one) g_ones <= G_EACH;
+  else if (g_takes && g_kind == 2'd2 && g_one) g_ones <= g_ones - 2'd1;
   if (g_gives_all) g_all <= 1'b1;
   else if (g_takes && g_kind == 2'd3) g_all <= 1'b0;
 
@@ -96,6 +104,7 @@ always @(posedge clk) begin
         (order_early ? g_pending || g_committed : !g_pending)) ? G_QUEUED : G_NONE;
     {g_early, g_was_committed} <= {order_early, g_committed || g_commits};
     g_kind <= loopback_open ? 2'd0 : order_kind;
+    g_is_stop <= g_stops;
     {g_no_reply, g_sends, g_again, g_old, g_started} <= {order_no_reply, 5'd0};
   end
   if (telegram_touched || loopback_close) g_telegram <= G_NONE;
@@ -110,7 +119,7 @@ always @(posedge clk) begin
     g_reply_due <= 1'b0;
 
   if (rst) begin
-    {g_pending, g_committed, g_heard, g_answered, g_image, g_free, g_one, g_all, g_reply_due} <= 9'd0;
+    {g_pending, g_committed, g_heard, g_answered, g_image, g_free, g_ones, g_all, g_reply_due} <= 10'd0;
     {g_telegram, g_started} <= {G_NONE, 1'b0};
   end
 end
@@ -150,10 +159,10 @@ always @(posedge clk) begin
     a_candidate : assert (!telegram_start || (!g_own && (!g_early || g_was_committed)));
     // SAFE-8: the image leaves as it is: none that was made before the newest committed write of coils.
     a_as_it_is : assert (!telegram_start || (!g_old && !(g_changes && (g_kind != 2'd0 || g_sends != 2'd0))));
-    // SAFE-1: only the image has bit 10, and SAFE-7: without a committed write of coils it has no start bit.
+    // SAFE-1: only the image has bit 10, and SAFE-7: without a committed write of coils, or as the stop, it has no start bit.
     a_command : assert (!(telegram_start && telegram_control) || g_kind == 2'd1);
     a_no_start : assert (!(telegram_start && telegram_control) || telegram_stop ||
-        (g_sends == 2'd0 ? g_free : g_told_free));
+        (!g_is_stop && (g_sends == 2'd0 ? g_free : g_told_free)));
     // FC-9: one repeat, none of a broadcast, none without its order.
     a_repeat : assert (!telegram_start || g_sends == 2'd0 || (g_sends == 2'd1 && g_again && !g_no_reply));
     // FC-8
@@ -197,14 +206,23 @@ end
 (* hierconn *) wire \request_i.ticket_is_odd ;
 (* hierconn *) wire \telegram_i.repeatable ;
 (* hierconn *) wire \telegram_i.repeated ;
+(* hierconn *) wire \telegram_i.is_stop ;
 (* hierconn *) wire \telegram_i.licence_i.held ;
 (* hierconn *) wire \telegram_i.licence_i.opposite ;
 initial assume (\reply_i.wait_drive == 1'b0);
-initial assume (\telegram_i.repeatable == 1'b0 && \telegram_i.repeated == 1'b0);
+initial assume (\telegram_i.repeatable == 1'b0 && \telegram_i.repeated == 1'b0 && \telegram_i.is_stop == 1'b0);
 wire image_valid = \licences_i.image_i.held ;
 wire licences_i_free = \licences_i.free_i.held ;
 wire one_valid = \licences_i.one_i.held ;
 wire all_valid = \licences_i.all_i.held ;
+`ifdef SECOND
+(* hierconn *) wire \licences_i.g_second.second_i.held ;
+(* hierconn *) wire \licences_i.g_second.second_i.opposite ;
+always @(posedge clk)
+  if (g_past)
+    i_second : assert (\licences_i.g_second.second_i.held == (g_ones == 2'd2) &&
+        \licences_i.g_second.second_i.opposite == (g_ones != 2'd2));
+`endif
 wire g_held = \telegram_i.licence_i.held ;
 // Its place as long as its telegram may still leave or be repeated: 0 none, 1 queued, 2 licensed, 3 left.
 wire [1:0] g_slot = \telegram_i.state == 4'b0011 ? 2'd1 : \telegram_i.state == 4'b0101 ? 2'd2 :
@@ -222,7 +240,7 @@ wire g_over = \telegram_i.state == 4'b1010;
 initial assume (!\g_loss.loss_i.beat_before );
 // The ordered stop gets its licence: a candidate in the clock after the order drops it, and it stays due.
 wire g_grants_stop = g_telegram == G_QUEUED && !order_telegram && !telegram_touched && !loopback_close && !candidate &&
-    !g_pending && g_kind == 2'd1 && g_image && !g_free && stop_due;
+    !g_pending && g_kind == 2'd1 && g_image && (!g_free || g_is_stop) && stop_due;
 wire g_watch = watch && order_ticket == g_ticket && g_committed && !candidate;
 reg g_beat = 1'b0;
 reg g_start = 1'b0;  // a write of coils with the start bit 1 was committed, and no stop was licensed since
@@ -258,7 +276,7 @@ end
 `else
 always @(posedge clk) if (g_past) begin
   a_no_stop : assert (!stop_due && !(telegram_start && telegram_control && telegram_stop));
-  i_no_stop : assert (g_image == g_free && (g_slot < 2'd2 || g_kind != 2'd1 || !telegram_stop));
+  i_no_stop : assert (!g_is_stop && !\telegram_i.is_stop && g_image == g_free && (g_slot < 2'd2 || g_kind != 2'd1 || !telegram_stop));
 end
 `endif
 
@@ -278,13 +296,15 @@ always @(posedge clk) begin
     i_reply : assert (reply_queued == g_reply_due || g_open || (reply_queued && g_answered));
     i_reply_due : assert (!g_reply_due || (!broadcast && (g_pending || g_committed) && !g_heard && !g_answered) || candidate);
     i_kind : assert (g_slot == 2'd0 || (kind == g_kind && \telegram_i.repeatable == !g_no_reply));
+    i_ones : assert (g_ones <= G_EACH);
+    i_is_stop : assert (\telegram_i.is_stop == g_is_stop);
     i_queued : assert ((g_slot == 2'd1) == (g_telegram == G_QUEUED));
     i_own : assert (g_telegram != G_QUEUED || (!g_old && g_sends == 2'd0 && !g_again));
     i_licensed : assert (g_slot != 2'd2 || (g_held && (g_telegram == G_LICENSED || g_again) && !g_old));
     i_leaves : assert (g_telegram != G_LICENSED || g_old || g_slot == 2'd2 || g_open);
     i_right : assert (g_slot != 2'd2 || g_sends != 2'd0 || g_kind == 2'd0 || g_licence || g_open);
-    i_stop : assert (g_slot != 2'd2 || g_kind != 2'd1 || g_open || telegram_stop || (g_sends == 2'd0 ? g_free : g_told_free));
-    i_stops : assert (g_slot != 2'd3 || g_kind != 2'd1 || g_open || telegram_stop || g_told_free);
+    i_stop : assert (g_slot != 2'd2 || g_kind != 2'd1 || g_open || telegram_stop || (!g_is_stop && (g_sends == 2'd0 ? g_free : g_told_free)));
+    i_stops : assert (g_slot != 2'd3 || g_kind != 2'd1 || g_open || telegram_stop || (!g_is_stop && g_told_free));
     i_left : assert (g_slot != 2'd3 || (g_telegram == G_LEFT && g_sends != 2'd0));
     i_held : assert (!g_held || g_slot == 2'd2 || (g_slot == 2'd3 && g_sends == 2'd1 && !g_no_reply && !g_old && !g_again));
     i_sends : assert (g_slot != 2'd2 || \telegram_i.repeated == (g_sends != 2'd0));
@@ -296,6 +316,54 @@ always @(posedge clk) begin
     i_open : assert (!loopback_open || (g_open && (g_slot == 2'd0 || g_kind == 2'd0)));
   end
 end
+
+// ---- a changed image leaves in time, whatever requests come (FRAME-7, SAFE-8)
+`ifdef LIVE
+// Assumed of the firmware (orders.c): as soon as no exchange holds it up and no candidate decides, it orders a changed image
+// within g_round clocks, nothing else, and leaves it alone. Of the network line: a candidate decides within g_decision
+// clocks, and the next frame takes longer than a round.
+(* anyconst *) wire [9:0] g_round;
+(* anyconst *) wire [9:0] g_decision;
+(* anyseq *) wire g_holds;  // an exchange that is not over (FC-9)
+localparam [11:0] G_MORE = 12'd10;
+wire g_on_its_way = (g_telegram == G_QUEUED || g_telegram == G_LICENSED) && g_kind == 2'd1 && g_sends == 2'd0 && !g_old;
+wire g_idle = g_image && !g_on_its_way && !g_holds && !g_pending;
+reg [11:0] g_idles = 12'd0;  // clocks in which the firmware could have ordered the image
+reg [11:0] g_decides = 12'd0;  // clocks of this candidate
+reg [11:0] g_calm = 12'd0;  // clocks since the last candidate was decided
+reg [11:0] g_waits = 12'd0;  // clocks that the image has waited on a free line
+always @(posedge clk) begin
+  g_idles <= g_idle && !order_telegram && !candidate ? g_idles + 12'd1 : 12'd0;
+  g_decides <= g_pending ? g_decides + 12'd1 : 12'd0;
+  if (g_pending || candidate) g_calm <= 12'd0;
+  else if (!g_calm[11]) g_calm <= g_calm + 12'd1;
+  g_waits <= g_image && drive_quiet && !g_holds && !telegram_start && !rst ? g_waits + 12'd1 : 12'd0;
+end
+always @* if (g_past) begin
+  assume (!rst && !loopback_open && !loopback_close);
+  assume (g_decides <= {2'd0, g_decision});
+  assume (g_idles <= {2'd0, g_round});
+  assume (!candidate || (!g_pending && g_calm > {2'd0, g_round} + 12'd3));
+  if (g_image) begin
+    assume (!order_telegram || (g_idle && order_kind == 2'd1 && g_current && !order_early && !candidate && !telegram_touched));
+    assume (!g_on_its_way || !(g_holds || order_repeat || telegram_touched));
+  end
+end
+wire [11:0] g_bound = {1'b0, g_round, 1'b0} + {2'd0, g_decision} + G_MORE;
+always @(posedge clk) if (g_past) begin
+  a_in_time : assert (g_waits <= g_bound);
+  i_live_idle : assert (g_pending || g_on_its_way || g_waits <= g_idles + 12'd1 ||
+      (g_waits <= {2'd0, g_round} + {2'd0, g_decision} + 12'd5 + g_idles && g_idles + 12'd1 >= g_calm));
+  i_live_pending : assert (!g_pending || g_on_its_way || g_waits <= {2'd0, g_round} + 12'd4 + g_decides);
+  i_live_queued : assert (g_telegram != G_QUEUED || !g_on_its_way || g_waits + 12'd2 <= g_bound);
+  i_live_calm : assert (g_telegram != G_QUEUED || !g_on_its_way || g_waits <= {2'd0, g_round} + 12'd2 ||
+      g_calm <= {2'd0, g_round} + 12'd3);
+  i_live_licensed : assert (g_telegram != G_LICENSED || !g_on_its_way || g_waits + 12'd1 <= g_bound);
+  i_live_own : assert (g_telegram != G_QUEUED || !g_on_its_way || !g_pending || !g_image);
+  i_live_leaves : assert (g_telegram != G_LICENSED || !g_on_its_way || !g_pending || g_waits == 12'd0);
+  c_in_time : cover (telegram_start && g_waits > {2'd0, g_round} + {2'd0, g_decision});
+end
+`endif
 
 // ---- covers: the module does act
 always @(posedge clk) begin

@@ -3,12 +3,13 @@
 //
 // The firmware sees both ports through the registers and orders replies and telegrams there; the
 // commit gate decides what leaves. The frames themselves are in the memory, see bus_arbiter.
-// MASTER_LOSS_STOP: of commit_gate. core_rst: reset of the soft core; it also empties the commit
+// MASTER_LOSS_STOP, SECOND_TELEGRAM: of commit_gate. core_rst: reset of the soft core; it also empties the commit
 // gate. Only wires in here. Clock domain: clk. Rules: FRAME-5, FRAME-6, FRAME-7, SAFE-1, SAFE-7.
 `default_nettype none
 
 module mailbox #(
-    parameter [0:0] MASTER_LOSS_STOP = 1'b0
+    parameter [0:0] MASTER_LOSS_STOP = 1'b0,
+    parameter [0:0] SECOND_TELEGRAM  = 1'b0
 ) (
     input  wire        clk,
     input  wire        core_rst,
@@ -164,7 +165,8 @@ module mailbox #(
   );
 
   commit_gate #(
-      .MASTER_LOSS_STOP(MASTER_LOSS_STOP)
+      .MASTER_LOSS_STOP(MASTER_LOSS_STOP),
+      .SECOND_TELEGRAM (SECOND_TELEGRAM)
   ) gate_i (
       .clk(clk),
       .rst(core_rst),

@@ -351,7 +351,9 @@ module rtu2fc #(
   );
 
   mailbox #(
-      .MASTER_LOSS_STOP(MASTER_LOSS_STOP == 1)
+      .MASTER_LOSS_STOP(MASTER_LOSS_STOP == 1),
+      // The memory of the small card holds only the dialect that never sends a second telegram.
+      .SECOND_TELEGRAM (SOFT_CORE == 0)
   ) mailbox_i (
       .clk(clk),
       .core_rst(core_rst),

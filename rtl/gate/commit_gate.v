@@ -12,12 +12,14 @@
 // has seen. An order with an older ticket is refused, so no order is based on an older image.
 // Without a committed write of coils no telegram has telegram_control, which bit 10 of its control
 // word needs (SAFE-1). MASTER_LOSS_STOP = 0: there is no stop, and order_stop is ignored.
+// SECOND_TELEGRAM: of licences.
 // fault: a half of a guarded bit has flipped (SAFE-4). rst comes from the supervisor whenever the
 // firmware restarts. Clock domain: clk.
 `default_nettype none
 
 module commit_gate #(
-    parameter [0:0] MASTER_LOSS_STOP = 1'b0
+    parameter [0:0] MASTER_LOSS_STOP = 1'b0,
+    parameter [0:0] SECOND_TELEGRAM  = 1'b0
 ) (
     input  wire        clk,
     input  wire        rst,
@@ -116,7 +118,9 @@ module commit_gate #(
       .fault(request_fault)
   );
 
-  licences licences_i (
+  licences #(
+      .SECOND_TELEGRAM(SECOND_TELEGRAM)
+  ) licences_i (
       .clk(clk),
       .rst(rst),
       // newest request
@@ -147,6 +151,7 @@ module commit_gate #(
       .order_kind(order_kind),
       .early(order_early),
       .no_reply(order_no_reply),
+      .take_stop(take_stop),
       // newest request
       .current(current),
       .candidate(candidate),

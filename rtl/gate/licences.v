@@ -5,6 +5,8 @@
 // write for this card, of a parameter write for all. The commit of such a request gives the licence
 // of its kind (renewed). The first start of a telegram of that kind uses it up. A licence that
 // nothing has used stays, whatever requests come (FRAME-7).
+// SECOND_TELEGRAM = 1: a parameter write for this card has a second licence, a guarded bit, too. A
+// number that the drive refuses goes out as text with it (MAP-8 of some dialects).
 // kind: 0 the newest request itself, as long as it is unanswered (no licence is used up; the control
 // word leaves deactivated); 1 image; 2 parameter write for this card; 3 for all.
 // take_stop, with the stop due: the image gets a licence without start, if it has none (SAFE-7).
@@ -12,7 +14,9 @@
 // Clock domain: clk.
 `default_nettype none
 
-module licences (
+module licences #(
+    parameter [0:0] SECOND_TELEGRAM = 1'b0
+) (
     input  wire       clk,
     input  wire       rst,
     // newest request
@@ -39,10 +43,12 @@ module licences (
 
   wire image_valid;
   wire one_valid;
+  wire second_valid;
   wire all_valid;
   wire image_fault;
   wire free_fault;
   wire one_fault;
+  wire second_fault;
   wire all_fault;
 
   wire renews_image = commits && writes_coils;
@@ -52,7 +58,7 @@ module licences (
   wire used_one = used && kind == K_ONE;
   wire used_all = used && kind > K_ONE;
 
-  assign fault = image_fault || free_fault || one_fault || all_fault;
+  assign fault = image_fault || free_fault || one_fault || second_fault || all_fault;
 
   always @*
     case (kind)
@@ -89,11 +95,29 @@ module licences (
       .rst  (rst),
       // next value
       .load (renews_one || used_one),
-      .data (renews_one),
+      .data (renews_one || second_valid),
       // status
       .value(one_valid),
       .fault(one_fault)
   );
+
+  generate
+    if (SECOND_TELEGRAM) begin : g_second
+      guarded_bit second_i (
+          .clk  (clk),
+          .rst  (rst),
+          // next value
+          .load (renews_one || used_one),
+          .data (renews_one),
+          // status
+          .value(second_valid),
+          .fault(second_fault)
+      );
+    end else begin : g_no_second
+      assign second_valid = 1'b0;
+      assign second_fault = 1'b0;
+    end
+  endgenerate
 
   guarded_bit all_i (
       .clk  (clk),

@@ -15,7 +15,8 @@
 // written (touched). A telegram that has not left is also dropped by a commit of its own kind, which
 // it does not contain: the firmware orders the newer one. After it has left, such a commit ends its
 // repeat. Without a reply (no_reply) there is no repeat. control: bit 10 of the control word may be
-// 1. stop: bit 6, the start, leaves as 0 (SAFE-7). grants_stop: such a telegram gets its licence;
+// 1. stop: bit 6, the start, leaves as 0 (SAFE-7), of an image that was ordered as the stop and of
+// one without a committed write of coils. grants_stop: such a telegram gets its licence;
 // from then on no candidate drops it. used: a licence is used up. In the clock of an order no
 // telegram starts. Clock domain: clk.
 `default_nettype none
@@ -30,6 +31,7 @@ module telegram_slot (
     input  wire [1:0] order_kind,
     input  wire       early,
     input  wire       no_reply,
+    input  wire       take_stop,
     // newest request
     input  wire       current,
     input  wire       candidate,
@@ -71,6 +73,7 @@ module telegram_slot (
   reg [3:0] next;
   reg repeatable = 1'b0;
   reg repeated = 1'b0;
+  reg is_stop = 1'b0;
 
   wire licensed;
   wire licence_fault;
@@ -90,7 +93,7 @@ module telegram_slot (
 
   assign start = state == S_LICENSED && licensed && quiet && !order && !again && !ended;
   assign used = start && !repeated && !loopback_open;
-  assign grants_stop = grant && kind == K_IMAGE && !free;
+  assign grants_stop = grant && kind == K_IMAGE && (!free || is_stop);
   assign control = kind == K_IMAGE;
   assign queued = state == S_QUEUED || state == S_LICENSED;
   assign started = state == S_LEFT || state == S_OVER;
@@ -142,6 +145,7 @@ module telegram_slot (
     if (order) begin
       kind <= loopback_open ? K_NEWEST : order_kind;
       repeatable <= !no_reply;
+      is_stop <= take_stop;
     end
 
     if (order) repeated <= 1'b0;

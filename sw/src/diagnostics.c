@@ -215,8 +215,9 @@ uint32_t report_events(struct translator *t, struct transaction *txn, frame_byte
 void diagnostics_commit(const struct transaction *txn)
 {
     mailbox_count(mailbox_counter(COUNT_REQUESTS));
-    if (txn->reply_length == 0)
-        return; /* no reply yet, because the drive is asked first, or none at all */
+    /* Without a reply the drive is asked first, which is enough for a broadcast; or there is never one. */
+    if (txn->reply_length == 0 && !(txn->broadcast && txn->telegram_length != 0))
+        return;
     diagnostics_done(txn);
     if (txn->out.reply[0] == DIAGNOSTIC && (txn->address == SUB_RESTART || txn->address == SUB_CLEAR))
         clear();

@@ -82,12 +82,6 @@ static void left(struct gateway *g)
     end(g);
 }
 
-/* The telegram of a reading, and the second one of a write, leave only with the licence of the newest request. */
-static bool has_no_licence_of_its_own(const struct transaction *txn)
-{
-    return txn->target == TARGET_READING || (TRAITS.text_by_size && txn->again);
-}
-
 /* The line was busy for the whole wait. It held up the newest request as well, if that was committed before, whichever
  * telegram is next to leave. */
 static void give_up_line(struct gateway *g)
@@ -104,7 +98,7 @@ static void dropped(struct gateway *g)
 {
     if (timed_out(g))
         give_up_line(g);
-    else if (g->repeated && (has_no_licence_of_its_own(g->at_drive) || orders_wait(g)))
+    else if (g->repeated && (g->at_drive->target == TARGET_READING || orders_wait(g)))
         abandon(g);
     else if (!g->repeated)
         end(g);
@@ -123,11 +117,11 @@ static void poll_leaving(struct gateway *g, uint32_t state)
 /* ---- the drive's reply */
 
 /* Prepares the reply while the BCC of the drive's telegram is still on the line (PERF-3). Nobody gets that of an older
- * request: like a write it is only confirmed, for a long text would hide the commit of the newer one (gateway.h). */
+ * reading: like a write it is only confirmed, for a long text would hide the commit of the newer one (gateway.h). */
 static void evaluate(struct gateway *g)
 {
-    if (!is_newest(g))
-        g->at_drive->function = WRITE_REGISTERS;
+    if (!is_newest(g) && g->at_drive->target == TARGET_READING)
+        g->at_drive->function = WRITE_REGISTER;
     g->reply_outcome = (uint8_t)translate_drive_reply(&g->translator, g->at_drive, mailbox_frame(DRIVE_FRAME),
                                                       mailbox_byte(&mailbox_frame(DRIVE_LGE)->byte));
     if (g->reply_outcome == OUTCOME_REPLY)
@@ -140,11 +134,8 @@ static void take_reply(struct gateway *g)
     g->drive_online = true;
     end(g);
     if (TRAITS.text_by_size && g->reply_outcome == OUTCOME_EXCHANGE) {
-        /* Only the newest request gets its second telegram (MAP-8): the gate licenses no other. */
-        if (is_newest(g)) {
-            translate_drive_again(g->at_drive);
-            g->asks_drive = true;
-        }
+        translate_drive_again(g->at_drive);
+        orders_again(g);
         return;
     }
     request_confirm_reply(g);

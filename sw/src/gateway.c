@@ -46,7 +46,6 @@ void gateway_init(struct gateway *g)
 {
     translate_init(&g->translator);
     g->now = mailbox_read(TIME);
-    request_forget(g);
     leds_init(&g->leds, g->now);
     loopback_init(&g->loopback, g->now);
 }
@@ -57,12 +56,10 @@ bool gateway_is_idle(const struct gateway *g)
 }
 
 /* The exchange follows the request: its telegram leaves before the rest of the round (PERF-2). In a loop-back test
- * there is none: no request is served since the start. */
+ * there is neither. */
 bool gateway_poll(struct gateway *g)
 {
-    if (loopback_poll(&g->loopback, g->now, &g->leds))
-        request_forget(g);
-    else
+    if (!loopback_poll(&g->loopback, g->now, &g->leds))
         request_poll(g);
     exchange_poll(g);
     poll_events();

@@ -51,6 +51,20 @@ void orders_keep(struct gateway *g)
         keep_write(g);
 }
 
+/* The second telegram of a request (MAP-8). That of a write gets the place of the first, if no newer write has it. Only
+ * the newest request gets that of a reading. */
+void orders_again(struct gateway *g)
+{
+    struct transaction **const waiting = g->waiting;
+
+    if (g->at_drive->target == TARGET_READING) {
+        g->asks_drive |= g->at_drive == g->newest;
+    } else if (!waiting[1] && !(waiting[0] && !waiting[0]->broadcast)) {
+        waiting[1] = waiting[0];
+        waiting[0] = g->at_drive;
+    }
+}
+
 void orders_stop_waiting(struct gateway *g)
 {
     if (g->waiting[0] != g->at_drive)
@@ -154,7 +168,7 @@ static void start_stop(struct gateway *g)
     g->image_is_newer = true;
 }
 
-/* The second telegram of a request has no licence but that of the newest request. */
+/* The second telegram of a reading has no licence but that of the newest request. */
 static uint32_t action_of(const struct gateway *g)
 {
     return g->state == REQUEST_PREPARED ? (uint32_t)g->newest->target << MAILBOX__TELEGRAM__ACTION_bp : ACTION(FIRST);

@@ -11,6 +11,9 @@ void orders_keep(struct gateway *g);
 /* The telegram at the drive has left: if it is a parameter write, that waits no more. */
 void orders_stop_waiting(struct gateway *g);
 
+/* The drive refused the first telegram by type, and the second one is made: keeps it, if it may leave. */
+void orders_again(struct gateway *g);
+
 /* Something committed after the request at the drive waits for the drive line, too (FC-9). */
 bool orders_wait(const struct gateway *g);
 

@@ -132,7 +132,7 @@ void request_finish(struct gateway *g)
 {
     if (g->at_drive != g->newest)
         return;
-    if (DIAGNOSTICS)
+    if (DIAGNOSTICS && !g->at_drive->broadcast)
         diagnostics_done(g->at_drive);
     g->state = REQUEST_DONE;
 }
@@ -150,12 +150,6 @@ void request_answer_silence(struct gateway *g)
     request_reply(g, answer, 0); /* the hardware answers no broadcast */
     if (DIAGNOSTICS && !g->at_drive->broadcast)
         diagnostics_done(answer);
-}
-
-void request_forget(struct gateway *g)
-{
-    g->ticket = mailbox_read(REQUEST) & MAILBOX__REQUEST__TICKET_bm;
-    g->state = REQUEST_DONE;
 }
 
 /* ---- the newest request */

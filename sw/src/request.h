@@ -8,9 +8,6 @@
 /* Follows the newest request one step. */
 void request_poll(struct gateway *g);
 
-/* A request that came before a restart, or during the loop-back test, is not served. */
-void request_forget(struct gateway *g);
-
 /* A transaction that is in no use. */
 struct transaction *request_spare(struct gateway *g);
 

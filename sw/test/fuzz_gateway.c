@@ -23,8 +23,9 @@
 
 enum { EVENTS = 300, ADDRESS = 85, EVENT_FLAGS = 8 };
 enum { SENDING = TICKS(40) }; /* a telegram of 32 bytes takes 37 ms */
-/* Requests at once: at the drive, in the telegram's place, two writes that wait, the last of coils, the newest, one more. */
-enum { REQUESTS = 7 };
+/* Requests at once: at the drive, in the telegram's place, two writes that wait, a write of which the second telegram may
+ * follow, the last of coils, the newest, one more. */
+enum { REQUESTS = 8 };
 enum { FOR_ONE, FOR_ALL, UNITS };
 /* As in main.c, with a smaller image. */
 enum { IMAGE_WORDS = 300, IDLE_WORDS = 1, START_WORDS = 64 };
@@ -54,6 +55,7 @@ static struct request *at_drive;      /* of the last telegram that left */
 static bool repeated;                 /* that was the repeat of the one before it */
 static uint8_t last[TELEGRAM_MAX];    /* its bytes */
 static struct request *writes[UNITS]; /* committed parameter writes that have not left */
+static struct request *may_follow;    /* the last write for one that has left: its second telegram may leave, too */
 static uint32_t commits, order[UNITS]; /* how many; that of each of these */
 static uint32_t commits_before;       /* the last telegram left for the first time */
 static struct request *of_coils;      /* the last write of coils that was committed */
@@ -92,6 +94,17 @@ static uint32_t image_words_of_model(void)
     return model_word(&model, 16) << 16 | model_word(&model, 0);
 }
 
+/* The text that follows a number of one or two registers, which the drive has refused (MAP-8). */
+static bool is_second(void)
+{
+    if (!TRAITS.text_by_size || m.kind != KIND_ONE || writes[FOR_ONE] || !may_follow || m.again ||
+        !memcmp(m.telegram, last, m.telegram_length))
+        return false;
+    HOLDS(may_follow->pdu[0] == 0x10 && may_follow->pdu[4] <= 2 && may_follow->drive_answered);
+    HOLDS(m.telegram[1] >> 4 == 15);
+    return true;
+}
+
 /* The request of a telegram that leaves for the first time. */
 static struct request *request_of_telegram(void)
 {
@@ -102,15 +115,22 @@ static struct request *request_of_telegram(void)
         return of_coils;
     if (m.kind == KIND_NEWEST)
         return by_number(m.asker);
+    if (is_second()) {
+        request = may_follow;
+        may_follow = NULL;
+        return request;
+    }
     HOLDS(request && (!writes[!unit] || order[unit] < order[!unit]));
     writes[unit] = NULL;
+    if (unit == FOR_ONE)
+        may_follow = request;
     return request;
 }
 
 /* A repeat is ordered anew after a commit of its kind that asks the drive for nothing (FC-9). */
 static bool is_repeat(void)
 {
-    if (m.again || m.kind == KIND_NEWEST)
+    if (m.again || m.kind == KIND_NEWEST || is_second())
         return m.again;
     return m.kind == KIND_IMAGE ? !image_changed() : !writes[m.kind == KIND_ALL ? FOR_ALL : FOR_ONE];
 }
@@ -218,7 +238,8 @@ static uint32_t free_request(void)
     uint32_t number = 1;
 
     while (number == m.asker || by_number(number) == at_drive || by_number(number) == of_coils ||
-           by_number(number) == writes[FOR_ONE] || by_number(number) == writes[FOR_ALL])
+           by_number(number) == writes[FOR_ONE] || by_number(number) == writes[FOR_ALL] ||
+           by_number(number) == may_follow)
         number++;
     return number;
 }
@@ -251,6 +272,8 @@ static void event_commit(void)
     if (!newest->ignored && newest->intent == INTENT_WRITE) {
         writes[unit] = newest;
         order[unit] = commits;
+        if (unit == FOR_ONE)
+            may_follow = NULL;
     }
     if (!newest->ignored && newest->intent == INTENT_PROCESS) {
         changed[unit] = true;

@@ -167,7 +167,7 @@ LICENCE = "mailbox_i.gate_i.g_loss.loss_i."
 GATE = "mailbox_i.gate_i."
 PAIRS = (
     *(f"{GATE}{pair}" for pair in ("request_i.committed_i", "telegram_i.licence_i")),
-    *(f"{GATE}licences_i.{pair}" for pair in ("image_i", "free_i", "one_i", "all_i")),
+    *(f"{GATE}licences_i.{pair}" for pair in ("image_i", "free_i", "one_i", "g_second.second_i", "all_i")),
     "network_i.rtu_rx_i.bank_i",
     *(pytest.param(f"{LICENCE}{pair}", marks=pytest.mark.nightly) for pair in ("armed_i", "over_i")),
 )

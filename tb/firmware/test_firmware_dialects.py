@@ -379,6 +379,8 @@ def test_bit_11_belongs_to_pnu(card: Translator, pnu: int):
 
 READ_TEXT, WRITE_TEXT = H("03 1841 0002"), H("10 14D1 0001 02 4142")
 ASK_NUMBER, ASK_TEXT = H("81 126D 0000 0000 0000 0000 0000"), H("81 F26D 0400 0000 0000 0000 0000")
+NOT_WRITTEN, WRITTEN = H("7215 0000 0000 0005 0F03 2000"), H("F215 0500 4142 0F03 2000")
+TELL_AB = H("81 F215 0500 4142 0000 0000")
 NO_NUMBER, TELL_TEXT = H(f"726D 0000 0000 0005 {RUNNING}"), H(f"F26D 0400 564C54 {RUNNING}")
 REPLY_TEXT = H("01 03 04 564C5420")
 READ_INDEX, REPLY_INDEX = H("03 0008 0001"), H("01 03 02 0000")
@@ -445,9 +447,28 @@ FRAME-7: a newer request for the drive is sent instead of the second exchange
     ask READ_TEXT; request START; drive NO_NUMBER; sent ASK_NUMBER SEND_START; answers RUNNING;
     replied 01_05_0006_FF00
 FRAME-7: a newer reading is sent instead of the second exchange
-    ask WRITE_TEXT; request READ_514; drive 7215_0000_0000_0005_0F03_2000;
+    ask READ_TEXT; request READ_514; drive NO_NUMBER;
     sent-from 1 81_1202_0000_0000_0000_0000_0000; answers 1202_0000_0000_012C_0F03_2000;
     replied 01_03_04_0000_012C
+FRAME-7: the second telegram of a write keeps its place, and leaves before a newer reading
+    ask WRITE_TEXT; request READ_514; drive NOT_WRITTEN; sent-from 1 TELL_AB; answers WRITTEN;
+    sent-from 2 81_1202_0000_0000_0000_0000_0000; answers 1202_0000_0000_012C_0F03_2000;
+    replied 01_03_04_0000_012C
+FRAME-7, FRAME-6: neither a revoked request nor a local one takes that place
+    ask WRITE_TEXT; offer START; character; drive NOT_WRITTEN; local READ_INDEX; sent-from 1 TELL_AB; ends;
+    silent; sent-from 1 TELL_AB*2; answers WRITTEN; wait 500; sent-count 3
+FRAME-7: a newer image leaves before it
+    ask WRITE_TEXT; request START; drive NOT_WRITTEN; sent-from 1 SEND_START; answers RUNNING;
+    replied 01_05_0006_FF00; sent-from 2 TELL_AB; answers WRITTEN; wait 500; sent-count 3
+MAP-8: a write by 06 has no second telegram, whether it is the newest request or not
+    ask 06_14D1_4142; drive NOT_WRITTEN; sent-count 1; ask 06_14D1_4142; local READ_INDEX;
+    drive NOT_WRITTEN; wait 500; sent-count 2; local READ_INDEX
+FRAME-7: a newer write of its kind takes its place
+    ask WRITE_TEXT; request 06_040F_003C; drive NOT_WRITTEN; sent-from 1 81_2068_0000_0000_003C_0000_0000;
+    answers 1068_0000_0000_003C_0F03_2000; replied 01_06_040F_003C; wait 500; sent-count 2
+FRAME-7: a newer write for all leaves behind it
+    ask WRITE_TEXT; request-all 06_040F_003C; drive NOT_WRITTEN; sent-from 1 TELL_AB; answers WRITTEN;
+    sent-from 2 80_2068_0000_0000_003C_0000_0000; wait 500; sent-count 3
 FRAME-7, FRAME-6: a newer request that is revoked ends the older one too
     ask READ_TEXT; offer START; character; drive NO_NUMBER; wait 500; sent ASK_NUMBER; replied;
     local READ_INDEX
@@ -642,6 +663,18 @@ def test_a_request_with_two_telegrams_is_counted_once(diagnosed: DiagnosedBench)
     diagnosed.drive_answers(TELL_TEXT)
     assert diagnosed.replies == [REPLY_TEXT]
     assert diagnosed.events() == 1
+
+
+@pytest.mark.rule("MAP-10", "FRAME-7")
+def test_a_broadcast_is_counted_although_it_leaves_with_a_write_for_this_card(diagnosed: DiagnosedBench):
+    bench = diagnosed
+    bench.mailbox.quiet = False
+    bench.request(START)
+    bench.request(START, broadcast=True)
+    assert bench.events() == 1, "the master of the first write gave up on its reply"
+    bench.mailbox.pause_over()
+    bench.drive_answers(H(RUNNING))
+    assert bench.telegrams == [SEND_START] and bench.events() == 1
 
 
 @pytest.mark.rule("MAP-10")

@@ -493,12 +493,59 @@ async def stop_is_not_licensed_by_a_single_bit(dut, bit, started):
     assert await gate.settle() == (0, int(started))
 
 
+@cocotb.test()
+async def stop_has_no_start_bit_although_a_write_of_coils_has_not_left(dut):
+    """As a write of coil 65, which has no telegram."""
+    gate = await Gate(dut).start()
+    await watched(gate)
+    await gate.committed(COILS)
+    await ticks(gate, PERIOD + 1)
+    await gate.order(IMAGE, stop=1)
+    assert await gate.settle() == (0, 2) and gate.telegrams.values == [(1, 0), (1, 1)]
+    await gate.repeat()
+    assert await gate.settle() == (0, 3) and gate.telegrams.values[2] == (1, 1)
+    assert not int(dut.stop_due.value), "once"
+
+
+# ------------------------------------------------------ the second telegram of a parameter write (MAP-8)
+
+
+@cocotb.test()
+async def second_telegram_of_a_parameter_write_leaves_whatever_requests_come(dut):
+    gate = await Gate(dut).start()
+    for request in (PARAMETER, PARAMETER_FOR_ALL):
+        await gate.committed(request)
+    await gate.order(ONE)
+    assert await gate.settle() == (0, 1)
+    await gate.committed(READING)
+    await gate.order(ONE)
+    assert await gate.settle() == (0, 2)
+    await gate.order(ONE)
+    assert await gate.settle() == (0, 2), "no third one"
+    for expected in (3, 3):
+        await gate.order(ALL)
+        assert await gate.settle() == (0, expected), "nobody refuses a broadcast"
+
+
+@cocotb.test()
+@cocotb.parametrize(half=["held_i", "opposite_i"])
+async def second_licence_is_not_given_by_a_single_bit(dut, half):
+    gate = await Gate(dut).start()
+    await gate.flip(f"licences_i.g_second.second_i.{half}.half")
+    assert int(dut.fault.value)
+    await gate.order(ONE)
+    assert await gate.settle() == (0, 0)
+
+
+OPTIONS = r"(stop|second)_\w+"
+
+
 @pytest.mark.rule("FRAME-6", "FRAME-7", "FC-9", "MAP-9", "LOOP-1", "SAFE-1", "SAFE-4", "SAFE-8")
 def test_commit_gate(sim):
-    run("commit_gate", "tb.rtl.test_commit_gate", sim=sim, testcase=r"(?!stop_)\w+")
+    run("commit_gate", "tb.rtl.test_commit_gate", sim=sim, testcase=rf"(?!{OPTIONS})\w+")
 
 
-@pytest.mark.rule("SAFE-7", "SAFE-4")
-def test_commit_gate_with_the_stop(sim):
-    stop = {"MASTER_LOSS_STOP": 1}
-    run("commit_gate", "tb.rtl.test_commit_gate", sim=sim, parameters=stop, testcase=r"stop_\w+")
+@pytest.mark.rule("SAFE-7", "SAFE-4", "FRAME-7")
+def test_commit_gate_with_its_parameters(sim):
+    both = {"MASTER_LOSS_STOP": 1, "SECOND_TELEGRAM": 1}
+    run("commit_gate", "tb.rtl.test_commit_gate", sim=sim, parameters=both, testcase=OPTIONS)

@@ -192,4 +192,5 @@ async def the_model_decides_as_the_gate(dut):
 @on_verilator
 @pytest.mark.rule("FRAME-6", "FRAME-7", "FC-9", "MAP-9", "LOOP-1", "SAFE-7")
 def test_the_model_decides_as_the_gate(sim):
-    run("commit_gate", "tb.rtl.test_mailbox_model", sim=sim, parameters={"MASTER_LOSS_STOP": 1})
+    both = {"MASTER_LOSS_STOP": 1, "SECOND_TELEGRAM": 1}
+    run("commit_gate", "tb.rtl.test_mailbox_model", sim=sim, parameters=both)

@@ -62,7 +62,7 @@ static void license(struct mailbox *m)
     if (m->loopback || (m->kind == KIND_NEWEST ? newest : m->valid[m->kind])) {
         m->licensed = true;
         m->asker = m->loopback || m->kind == KIND_NEWEST ? m->request : m->given_by[m->kind];
-        m->without_start = m->kind == KIND_IMAGE && !m->free;
+        m->without_start = m->kind == KIND_IMAGE && (!m->free || m->is_stop);
         /* A stop is licensed once; one that was dropped stays due (SAFE-7). */
         m->armed &= !(m->without_start && stop_is_due(m));
     } else {
@@ -76,7 +76,7 @@ static void telegram_leaves(struct mailbox *m)
     m->started = m->sending = true;
     m->licensed = m->repeatable && !m->again;
     if (!m->left && !m->loopback) {
-        m->valid[m->kind] = false;
+        m->valid[m->kind] -= m->valid[m->kind] != 0;
         m->free &= m->kind != KIND_IMAGE;
     }
     m->left = true;
@@ -165,7 +165,7 @@ void mailbox_commit(struct mailbox *m)
     m->is_candidate = false;
     m->is_committed = m->answerable = true;
     m->since = m->ticks;
-    m->valid[kind] = kind != KIND_NEWEST;
+    m->valid[kind] = kind == KIND_ONE ? TELEGRAMS_OF_A_WRITE : kind != KIND_NEWEST;
     m->given_by[kind] = m->request;
     m->free |= m->writes_coils;
     if (m->licensed && ((m->kind == kind && kind != KIND_NEWEST) || reading_left))
@@ -290,7 +290,8 @@ static uint32_t kind_of(uint32_t value)
 /* The stop gives the image a licence, if it has none (master_loss.v). */
 static void take_stop(struct mailbox *m)
 {
-    if (!stop_is_due(m) || m->valid[KIND_IMAGE])
+    m->is_stop = stop_is_due(m);
+    if (!m->is_stop || m->valid[KIND_IMAGE])
         return;
     m->valid[KIND_IMAGE] = true;
     m->given_by[KIND_IMAGE] = 0;
@@ -339,6 +340,7 @@ static void order_telegram(struct mailbox *m, uint32_t value)
     m->kind = m->loopback ? KIND_NEWEST : kind_of(value);
     m->no_reply = MAILBOX_FIELD(TELEGRAM, NO_REPLY, value);
     m->repeatable = !m->no_reply;
+    m->is_stop = false;
     m->telegram_queued = m->loopback || (mine && meant);
     if (m->kind == KIND_IMAGE && mine && !m->is_candidate && MAILBOX_FIELD(TELEGRAM, STOP, value))
         take_stop(m);

@@ -21,6 +21,9 @@ enum { MAILBOX_JUNK = 0xA5, MAILBOX_FRAME_MAX = 32 };
 /* What a telegram needs a licence for (rtl/gate/licences.v). */
 enum mailbox_kind { KIND_NEWEST, KIND_IMAGE, KIND_ONE, KIND_ALL, MAILBOX_KINDS };
 
+/* With SECOND_TELEGRAM a parameter write for this card gives two. */
+enum { TELEGRAMS_OF_A_WRITE = 2 };
+
 /* State of one number each, most of them 0 or 1. mailbox_fields names them for Python. */
 #define MAILBOX_STATE(field) \
     /* time in 1/1200 s; quiet: the pause before a telegram is over (FC-8), and nobody else sends */ \
@@ -37,8 +40,8 @@ enum mailbox_kind { KIND_NEWEST, KIND_IMAGE, KIND_ONE, KIND_ALL, MAILBOX_KINDS }
     /* the telegram, and the number of the request that gave its licence; how many have left */ \
     field(telegram_queued) field(licensed) field(started) field(sending) field(no_reply) field(telegram_length) \
     field(asker) field(sent_telegrams) \
-    /* its kind (enum mailbox_kind); left: it has left; again: its repeat is ordered or has left; without_start */ \
-    field(kind) field(left) field(repeatable) field(again) field(without_start) \
+    /* its kind (enum mailbox_kind); left: it has left; again: its repeat is ordered or has left; is_stop: ordered as the stop */ \
+    field(kind) field(left) field(repeatable) field(again) field(is_stop) field(without_start) \
     /* the drive's telegram */ \
     field(listening) field(drive_candidate) field(drive_good) \
     /* the stop (SAFE-7): limit and the time of the last commit in ticks */ \
@@ -47,7 +50,7 @@ enum mailbox_kind { KIND_NEWEST, KIND_IMAGE, KIND_ONE, KIND_ALL, MAILBOX_KINDS }
 #define MAILBOX_MEMBER(name) uint32_t name;
 struct mailbox {
     MAILBOX_STATE(MAILBOX_MEMBER)
-    /* By enum mailbox_kind: a commit gave the licence and no telegram has used it; the number of that request. */
+    /* By enum mailbox_kind: how many telegrams the last commit of the kind still allows; the number of its request. */
     uint32_t valid[MAILBOX_KINDS];
     uint32_t given_by[MAILBOX_KINDS];
     uint32_t free; /* the image's licence is of a write of coils, so its start bit may be 1 */
