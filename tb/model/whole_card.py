@@ -70,8 +70,7 @@ class Request:
     waited: bool = False  # for the end of an exchange (FRAME-7)
     committed: float = NEVER
     replaced: Request | None = None  # the write whose place it took
-    second: bool = False  # its second telegram is under way (MAP-8)
-    second_overtaken: bool = False  # by a candidate: only the newest request may ask for its second telegram
+    second_overtaken: bool = False  # a reading, by a candidate: only the newest gets its second telegram
     to_one: bool = False  # the image: one of the writes that it stands for was for this card alone
 
     @property
@@ -278,8 +277,8 @@ class LineJudge:
         over = may_go and exchange.phase == "line" and burst.rise >= self._abandoned_from(exchange)
         return bool(next_one and over)
 
-    def _left_before_its_replacement(self, exchange: Exchange, data: bytes) -> Request | None:
-        """The drive line became free while the firmware still looked at the newer write of the same kind."""
+    def _of_which_the_older_one_left(self, exchange: Exchange, data: bytes) -> Request | None:
+        """The newer write, if the older one left all the same: the line became free just then."""
         if exchange.sends > 0:
             return None
         for newer in (exchange.request, *self.queue):
@@ -289,7 +288,7 @@ class LineJudge:
                 continue
             if data == exchange.request.telegram:
                 raise Unclear(exchange.queued_from, "a telegram that fits either of two requests")
-            return older
+            return newer
         return None
 
     def _left_as_it_was_dropped(self, exchange: Exchange, data: bytes, at: float) -> bool:
@@ -322,8 +321,7 @@ class LineJudge:
     def _keeps_its_repeat(self, exchange: Exchange) -> bool:
         """A write is repeated after a newer request, unless that waits with a telegram (FC-9, FRAME-7)."""
         request = exchange.request
-        keeps = self._keeps_place(request) and not request.second
-        return keeps and not request.to_all and not self._newer(exchange)
+        return self._keeps_place(request) and not request.to_all and not self._newer(exchange)
 
     def _was_repeated_just_then(self, exchange: Exchange, burst: Burst) -> bool:
         """The firmware repeated a write before it saw the commit of a newer telegram.
@@ -364,8 +362,8 @@ class LineJudge:
     def _join(self, image: Request, older: list[Request]) -> None:
         """One telegram tells the drive all changes of the image. It goes to all only if each of them does."""
         image.to_one = not image.broadcast or any(one.to_one or not one.broadcast for one in older)
-        if image.broadcast and image.to_one:  # the drive confirms it, and nobody is answered
-            image.question = Question(image.pdu[0], 0, 0, "process")
+        if image.broadcast:  # if it goes to the drive's own address, that confirms it, and nobody is answered
+            image.question = Question(image.pdu[0], 0, 0, "process") if image.to_one else None
         adr = fc_telegram.ADR if image.to_one else fc_telegram.ADR_BROADCAST
         image.telegram = fc_telegram.build(image.telegram[3:-1], adr=adr)
 
@@ -375,7 +373,7 @@ class LineJudge:
         self.queue.remove(image)
         if before.kind == "image":
             self._join(image, [before])
-        elif before.writes and not before.second:  # only the newest request gets its second telegram (MAP-8)
+        elif before.writes:
             self.queue.insert(0, before)
         image.replaced = before
         self._start(image, max(exchange.queued_from, at), at + self.late)
@@ -604,8 +602,11 @@ class LineJudge:
             self._abandon(exchange, burst.rise)
             exchange = self.exchange
         line = exchange and exchange.phase == "line"
-        if line and (older := self._left_before_its_replacement(exchange, data)):
+        if line and (newer := self._of_which_the_older_one_left(exchange, data)):
+            older = newer.replaced
             self.queue = [exchange.request, *(one for one in self.queue if one is not older)]
+            if older.kind == newer.kind == "image":
+                self._join(newer, [])  # it stands for itself alone
             self._start(older, exchange.queued_from, exchange.queued_by)
             exchange = self.exchange
         if exchange is None or exchange.phase != "line":
@@ -706,12 +707,15 @@ class LineJudge:
 
     def _answered_by_drive(self, exchange: Exchange, step: Step, at: float, doubtful: bool) -> None:
         request = exchange.request
-        if step.telegram is not None and request is self.newest:
+        if step.telegram is not None and self._gets_second(request):
             if doubtful:
                 raise Unclear(at, "a late reply of the drive that leads to a second telegram if it counts")
             # The second telegram reads or writes the parameter as a text (MAP-8 of some dialects).
             request.question, request.telegram = self.card.question, self._built(step.telegram)
-            request.second = True
+            if request.writes:
+                self.queue.insert(bool(self.queue and self.queue[0].kind == "image"), request)
+                self._done(at)
+                return
             self._start(request, at, at + self.budget)
             self._overtake(exchange, at)
             return
@@ -728,6 +732,12 @@ class LineJudge:
             self._done(max(at, self._line_until(held)), self._wait_from(exchange))
         else:
             self._done(at)
+
+    def _gets_second(self, request: Request) -> bool:
+        """A write keeps its place for it, unless a newer one of its kind has that (FRAME-7)."""
+        if request.writes:
+            return all(newer.kind != request.kind for newer in self.queue)
+        return request is self.newest
 
     def _overtake(self, before: Exchange, at: float) -> None:
         """A candidate during the first telegram also overtakes the second."""
