@@ -28,13 +28,13 @@ from sw.test import fuzz
 REPORTS = {
     "bench": ("bench SEED={seed}", "bench CONFIG=tiny SEED={seed}", "bench PAGE=yes"),
     "synthesis": ("synth",),
-    "kills": ("kills SAMPLE=60 SEED={seed} PAGE=yes",),
+    "kills": ("kills SAMPLE=40 SEED={seed} PAGE=yes",),
     "proved-flips": ("formal-flips",),
     "proofs": ("formal",),
     "fuzz": (
-        "fuzz COUNT=450 SEED={seed}",
+        "fuzz COUNT=350 SEED={seed}",
         "fuzz CONFIG=tiny COUNT=20 SEED={seed}",
-        "impatient COUNT=450 SEED={seed}",
+        "impatient COUNT=350 SEED={seed}",
         "impatient CONFIG=tiny COUNT=75 SEED={seed}",
         "flips COUNT=1500 SEED={seed}",
         "flips CONFIG=tiny COUNT=300 SEED={seed}",
