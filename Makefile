@@ -128,11 +128,9 @@ waves: firmware | setup-test ## * waveform, capture and log of a test: make wave
 wireshark: | setup-views ## open a recording, both lines decoded: make wireshark FILE=name.pcapng
 	@$(RUN) sim.view.wireshark $(FILE)
 
-telegrams: | setup-test ## the FC telegrams of a waveform or a logic analyser's file: make telegrams FILE=card.fst
-	@[ -n "$(FILE)" ] || { echo "say which file: make telegrams FILE=card.fst" >&2; exit 2; }
-	@file="$(FILE)"; \
-	case "$$file" in *.fst) file=$(BUILD)/lines.vcd; $(RUN) sim.view.lines_vcd "$(FILE)" $$file;; esac; \
-	$(RUN) sw.rtu2fc decode "$$file" --drive-line $(or $(CHANNEL),drive) $(if $(filter yes,$(INVERT)),--invert) $(TELEGRAMS_ARGS)
+telegrams: | setup-test ## the FC telegrams of a logic analyser's file: make telegrams FILE=mine.sr CHANNEL=D0
+	@[ -n "$(FILE)" ] || { echo "say which file: make telegrams FILE=mine.sr CHANNEL=D0" >&2; exit 2; }
+	@$(RUN) sw.rtu2fc decode "$(FILE)" --drive-line $(or $(CHANNEL),drive) $(if $(filter yes,$(INVERT)),--invert) $(TELEGRAMS_ARGS)
 
 replay: firmware | setup-test ## a recorded bus (.sr, .vcd) played to the card: what it makes of each frame (FILE=)
 	@[ -n "$(FILE)" ] && [ -n '$(call given,unit,UNIT)' ] && [ -n '$(call given,baud,BAUD)' ] || \

@@ -26,8 +26,7 @@ from pathlib import Path
 from campaigns.masters.cases import CUT, LONGER, PROFILES, Case, cases
 from campaigns.masters.masters import SOCAT, Master
 from rtl.sources import ROOT
-from sim.card.example_run import Port
-from sim.card.run_card import RunningCard
+from sim.card.run_card import Port, RunningCard
 from tb.agents.crc16 import with_crc
 
 TIMEOUT_S = 1.0  # the masters' time-out; exception 255 takes 0.35 s on a machine that keeps up

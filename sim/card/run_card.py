@@ -9,12 +9,15 @@ from __future__ import annotations
 import json
 import os
 import queue
+import select
 import signal
 import subprocess
+import termios
 import threading
 import time
+import tty
 from pathlib import Path
-from typing import NamedTuple
+from typing import NamedTuple, Self
 
 ROOT = Path(__file__).resolve().parents[2]
 CARD = ROOT / os.environ.get("VIRTUAL_CARD", "build/card")
@@ -37,6 +40,40 @@ class Frame(NamedTuple):
     data: bytes
     ok: bool
     what: str
+
+    @classmethod
+    def of(cls, e: dict) -> Frame:
+        return cls(e["t"], e["end"], e["line"], e["from"], bytes.fromhex(e["bytes"]), e["ok"], e["what"])
+
+
+class Port:
+    """One side of a serial line, byte for byte; times in wall seconds."""
+
+    def __init__(self, path: Path | str) -> None:
+        self.fd = os.open(path, os.O_RDWR | os.O_NOCTTY)
+        tty.setraw(self.fd, termios.TCSANOW)  # keeps pending bytes, as many programs do
+
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self.close()
+
+    def close(self) -> None:
+        os.close(self.fd)
+
+    def write(self, data: bytes) -> None:
+        os.write(self.fd, data)
+
+    def read(self, count: int, seconds: float = 5.0) -> bytes:
+        """Returns `count` bytes, or fewer after `seconds`."""
+        data, end = b"", time.monotonic() + seconds
+        while len(data) < count and select.select([self.fd], [], [], max(0.0, end - time.monotonic()))[0]:
+            part = os.read(self.fd, count - len(data))
+            if not part:  # the other end is closed
+                break
+            data += part
+        return data
 
 
 class RunningCard:
@@ -126,11 +163,7 @@ class RunningCard:
         return list(self._entries)
 
     def frames(self) -> list[Frame]:
-        return [
-            Frame(e["t"], e["end"], e["line"], e["from"], bytes.fromhex(e["bytes"]), e["ok"], e["what"])
-            for e in self.entries()
-            if "line" in e
-        ]
+        return [Frame.of(entry) for entry in self.entries() if "line" in entry]
 
     def wait_for_frames(self, after: int, line: str, sender: str, seconds: float = FRAME_S) -> list[Frame]:
         """Frames from number `after` on, as soon as one is from `sender` on `line`, or after `seconds`."""

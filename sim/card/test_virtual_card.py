@@ -20,8 +20,7 @@ import pytest
 from regs.dialects import FLAGS, STANDARD
 from rtl.sources import ROOT
 from sim.card.demo import manual_examples, spaced
-from sim.card.example_run import Port
-from sim.card.run_card import CARD, Frame, RunningCard
+from sim.card.run_card import CARD, Frame, Port, RunningCard
 from tb.agents.crc16 import with_crc
 from tb.lib.nightly import first
 from tb.model.card import DIALECTS, VERSION

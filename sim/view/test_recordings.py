@@ -10,13 +10,14 @@ import json
 import os
 import re
 import subprocess
+import sys
 from pathlib import Path
 
 import cocotb
 import pytest
 from cocotb.triggers import Timer
 
-from rtl.sources import needed_files, rtl_files
+from rtl.sources import ROOT, needed_files, rtl_files
 from sim.card.run_card import RunningCard
 from sim.harness.wave_rows import copies_with_rows
 from sim.view import tshark
@@ -153,8 +154,21 @@ def test_files_of_the_virtual_card_agree(tmp_path):
     check_capture(frames, tshark.fields(pcap, *TSHARK_FIELDS))
     check_wave(wave, entries, BAUD)
     check_card_views(wave)
+    command = [sys.executable, "-m", "sim.view.waves", wave]
+    assert f"gtkwave {wave} {wave.with_suffix('.gtkw')}" in subprocess.check_output(
+        command, cwd=ROOT, text=True
+    )
     errors = [name for name in WaveFile(wave).signals if name.endswith(("parity_flaw", "framing_flaw"))]
     assert len(errors) == 4 and not any(map(WaveFile(wave).pulses, errors)), "every character was good"
+
+
+def test_a_waveform_that_cannot_be_read_is_one_line(tmp_path):
+    """The writer of a running card fills in the header at its end."""
+    (tmp_path / "card.fst").write_bytes(bytes(329))
+    command = [sys.executable, "-m", "sim.view.waves", tmp_path / "card.fst"]
+    done = subprocess.run(command, cwd=ROOT, capture_output=True, text=True, check=False)
+    words = "waves: the waveform is unfinished: its program still runs or was killed\n"
+    assert (done.returncode, done.stdout, done.stderr) == (2, "", words)
 
 
 # ---------------------------------------------------------------- the views of a waveform

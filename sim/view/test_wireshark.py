@@ -7,17 +7,19 @@ dissector's tables.
 
 from __future__ import annotations
 
+import json
 import re
 import subprocess
 import sys
 import tomllib
 from pathlib import Path
+from typing import NamedTuple
 
 import pytest
 
 from regs.dialects import STANDARD, STANDARD_DRIVE
-from sim.card.example_run import EXAMPLES, Played, Recorded, record
-from sim.card.run_card import ROOT, Frame
+from rtl.sources import ROOT
+from sim.card.run_card import Frame
 from sim.view import tshark
 from sim.view.test_recordings import Talk
 from sim.view.wireshark import SCRIPT, environment
@@ -27,6 +29,7 @@ from tb.agents import rtu
 from tb.agents.crc16 import with_crc
 from tb.lib.recording import DRIVE, MODBUS, Recorder
 from tb.model import fc_telegram
+from tb.model.examples import EXAMPLES
 
 pytestmark = pytest.mark.nightly("views")
 
@@ -59,21 +62,37 @@ def read(capture: Path, settings: Path, *options: str) -> dict[int, dict[str, st
     return dict(enumerate(packets, 1))
 
 
-NEAR_S = 5e-6  # ten clocks of the virtual card, a twentieth of a bit
+class Recorded(NamedTuple):
+    """A recording of all examples, one after the other, and of a damaged frame.
+
+    `frames`: those of the log. `packets`: for each example the numbers of its packets, from 1.
+    """
+
+    pcap: Path
+    frames: list[Frame]
+    packets: dict[str, range]
 
 
 @pytest.fixture(scope="module")
 def recorded(tmp_path_factory) -> Recorded:
-    return record(tmp_path_factory.mktemp("examples"))
+    sent: list[tuple[int, bool, bytes]] = []
+    numbers = {}
+    for name, one in EXAMPLES.items():
+        first = len(sent) + 1
+        parts = [(MODBUS, False, one["request"])]
+        for exchange in one["drive"]:
+            parts += [(DRIVE, True, exchange["telegram"]), (DRIVE, False, exchange["reply"])]
+        parts.append((MODBUS, True, one["reply"]))
+        sent += [(line, from_card, bytes.fromhex(part)) for line, from_card, part in parts if part]
+        numbers[name] = range(first, len(sent) + 1)
+    pcap = capture_of(tmp_path_factory.mktemp("examples"), *sent, (MODBUS, False, DAMAGED))
+    log = pcap.with_suffix(".jsonl").read_text().splitlines()
+    return Recorded(pcap, [Frame.of(json.loads(line)) for line in log], numbers)
 
 
 @pytest.fixture(scope="module")
 def packets(recorded, tmp_path_factory) -> dict[int, dict[str, str]]:
     return read(recorded.pcap, tmp_path_factory.mktemp("settings"))
-
-
-def example(recorded: Recorded, name: str) -> Played:
-    return next(played for played in recorded.played if played.id == name)
 
 
 def number(text: str) -> int:
@@ -127,19 +146,18 @@ def check_telegram(got: dict[str, str], telegram: bytes, reply: bool) -> None:
 @pytest.mark.rule("FC-1", "FC-2", "FC-3", "FC-4", "FC-7")
 @pytest.mark.parametrize("name", WITH_DRIVE)
 def test_drive_line_is_decoded_as_in_the_examples(recorded, packets, name):
-    played = example(recorded, name)
     seen = [
-        (packets[played.first_packet + i], frame)
-        for i, frame in enumerate(played.frames)
-        if frame.line == "drive"
+        (packets[at], recorded.frames[at - 1].data)
+        for at in recorded.packets[name]
+        if recorded.frames[at - 1].line == "drive"
     ]
     expected = [
         (bytes.fromhex(part), part is exchange["reply"])
-        for exchange in played.example["drive"]
+        for exchange in EXAMPLES[name]["drive"]
         for part in (exchange["telegram"], exchange["reply"])
         if part
     ]
-    assert [frame.data for _, frame in seen] == [telegram for telegram, _ in expected]
+    assert [data for _, data in seen] == [telegram for telegram, _ in expected]
     for (got, _), (telegram, reply) in zip(seen, expected, strict=True):
         check_telegram(got, telegram, reply)
 
@@ -156,18 +174,14 @@ def test_request_and_reply_are_linked(recorded, packets):
         assert number(packets[at]["vltfc.request_frame"]) == asked
         assert number(packets[asked]["vltfc.reply_frame"]) == at
         taken = frame.start - recorded.frames[asked - 1].start
-        assert float(packets[at]["vltfc.time"]) == pytest.approx(taken, abs=NEAR_S)
+        assert float(packets[at]["vltfc.time"]) == pytest.approx(taken, abs=1e-9)
         pairs += 1
-    assert pairs > 20
-    first = next(
-        example(recorded, "timeout-255").first_packet + i
-        for i, frame in enumerate(example(recorded, "timeout-255").frames)
-        if frame.line == "drive"
-    )
+    assert pairs == sum(bool(part["reply"]) for one in EXAMPLES.values() for part in one["drive"])
+    first = recorded.packets["timeout-255"][1]
     assert packets[first]["vltfc.reply_frame"] == packets[first + 1]["vltfc.reply_frame"] == ""
     assert number(packets[first + 1]["vltfc.repeat_of"]) == first
     assert "No reply before the next request" in packets[first]["_ws.expert.message"]
-    broadcast = example(recorded, "bcast-start").first_packet + 1
+    broadcast = recorded.packets["bcast-start"][1]
     assert "No reply" not in packets[broadcast]["_ws.expert.message"]
 
 
@@ -179,17 +193,16 @@ def test_network_line_is_decoded_as_in_the_examples(recorded, packets, name):
 
     It looks for the CRC of a request that is too long for its function where the CRC of a good one would be.
     """
-    played = example(recorded, name)
-    request = bytes.fromhex(played.example["request"])
-    got = packets[played.first_packet]
+    numbers = recorded.packets[name]
+    request = bytes.fromhex(EXAMPLES[name]["request"])
+    got = packets[numbers[0]]
     if request[0] == 0:
         assert number(got["rtu2fc_modbus.func_code"]) == request[1]
         assert number(got["rtu2fc_modbus.reference_num"]) == int.from_bytes(request[2:4], "big")
         assert truth(got["rtu2fc_modbus.crc.good"])
         assert number(got["rtu2fc_modbus.ctw"]) == 0x047C
         return
-    last = packets[played.first_packet + len(played.frames) - 1]
-    for packet, adu in ((got, request), (last, bytes.fromhex(played.example["reply"]))):
+    for packet, adu in ((got, request), (packets[numbers[-1]], bytes.fromhex(EXAMPLES[name]["reply"]))):
         if adu[1] & 0x7F == 0x07:  # it knows no such function
             assert "function" in packet["frame.comment"]
             continue
@@ -202,10 +215,10 @@ def test_network_line_is_decoded_as_in_the_examples(recorded, packets, name):
 
 
 def test_requests_are_named_by_the_drive_s_parameters(recorded, packets):
-    read_current = packets[example(recorded, "ex5-read-514").first_packet]
+    read_current = packets[recorded.packets["ex5-read-514"][0]]
     assert read_current["rtu2fc_modbus.pnu"] == "514"
     assert read_current["rtu2fc_modbus.name"] == VLT6000[514][0]
-    local = packets[example(recorded, "appA-fc06").first_packet]
+    local = packets[recorded.packets["appA-fc06"][0]]
     assert local["rtu2fc_modbus.pnu"] == "", "40002 is no parameter"
 
 
@@ -255,7 +268,7 @@ def test_columns_equal_the_log(recorded, rows):
         assert row["Comment"] == ("" if frame.ok else "bad frame: ") + frame.what
         replies = frame.sender == ("card" if frame.line == "modbus" else "drive")
         if replies:
-            assert float(row["Reply after"]) == pytest.approx(frame.start - ends[frame.line], abs=NEAR_S)
+            assert float(row["Reply after"]) == pytest.approx(frame.start - ends[frame.line], abs=2e-6)
         else:
             assert row["Reply after"] == ""
             ends[frame.line] = frame.end
@@ -269,7 +282,7 @@ def test_colour_filters_match_the_named_frames(recorded, tmp_path):
 
     frames = dict(enumerate(recorded.frames, 1))
     expected = {
-        "Bad frame": [at for at, frame in frames.items() if not frame.ok],
+        "Bad frame": [len(frames)],
         "Exception or refused": [at for at, frame in frames.items() if is_exception(frame)],
         "Drive line": [at for at, frame in frames.items() if frame.line == "drive"],
         # Wireshark's own dissector does not know unit 0.
@@ -291,6 +304,7 @@ def test_colour_filters_match_the_named_frames(recorded, tmp_path):
 
 # ---------------------------------------------------------------- errors, and other drives
 START = bytes.fromhex("02 06 81 04 7C 19 99 7D")
+DAMAGED = bytes.fromhex("01 01 00 00 00 10 3D C7")
 
 
 def capture_of(tmp_path: Path, *frames: tuple[int, bool, bytes], dialect: str = "card") -> Path:
@@ -310,7 +324,7 @@ def capture_of(tmp_path: Path, *frames: tuple[int, bool, bytes], dialect: str = 
         (DRIVE, START[:-1] + b"\x7c", "BCC 7Ch, 7Dh would be right"),
         (DRIVE, b"\x03" + START[1:], "No STX"),
         (DRIVE, START[:-2], "LGE 6, but 6 bytes"),
-        (MODBUS, bytes.fromhex("01 01 00 00 00 10 3D C7"), "Incorrect CRC"),
+        (MODBUS, DAMAGED, "Incorrect CRC"),
         (MODBUS, bytes.fromhex("00 05 00 00 FF 00 8D EC"), "Incorrect CRC"),
     ],
 )

@@ -183,7 +183,7 @@ class Channels:
         for name, finds in named:
             if not finds(name):
                 raise Problem(f"{self.args.file}: no good frame on {name}", *self.advice())
-        for name in () if named else self.ours() or self.capture.names:
+        for name in () if named else self.capture.names:
             if len(self.edges(name, False)) > 1 and not self.drive_line(name):
                 self.modbus(name)
         if not self.network and not self.telegrams:
@@ -192,10 +192,6 @@ class Channels:
         found = [*modbus_rows(network, Words(self.drive, self.dialect))]
         found += itertools.chain.from_iterable(self.telegrams.values())
         return sorted(found, key=lambda row: row.start)
-
-    def ours(self) -> list[str]:
-        """The wires of both lines, as sim/view/lines_vcd.py writes them beside those of each direction."""
-        return ["modbus", "drive"] if {"modbus", "drive"} <= set(self.capture.names) else []
 
     def advice(self) -> list[str]:
         return [

@@ -155,13 +155,6 @@ def test_recordings_of_real_buses_are_decoded(decoded):
     assert any(row.endswith("slave   unit 1: coil 4 = on") for row in shown)
 
 
-def test_both_wires_of_our_own_files_are_taken(tmp_path, decoded):
-    asks = build(1, read_registers(2, 1))
-    sent = [(name, 0.1, Format(9600, "N", 2), asks, Flaws()) for name in ("modbus", "master")]
-    shown = decoded(vcd(tmp_path / "a.vcd", *sent, ("drive", 0.2, DRIVE, START, Flaws())))
-    assert [row.split()[1] for row in shown[3:] if " ! " not in row] == ["modbus", "drive"]
-
-
 # ---------------------------------------------------------------- what is no recording
 
 
