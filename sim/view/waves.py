@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Writes view files for a waveform: GTKWave's .gtkw and Surfer's .sucl.
+"""Writes the view of a waveform for GTKWave, a .gtkw file.
 
     python -m sim.view.waves WAVE.fst [TOP]     default for TOP: rtu2fc
 
@@ -33,14 +33,11 @@ from sim.view.wave_file import Signal, WaveFile
 
 ROOT = Path(__file__).resolve().parents[2]
 ELF = ROOT / "build/firmware.elf"
-MAPPINGS = ".surfer/mappings"  # searched by Surfer below its working folder
-ADDRESSES = "firmware"  # name of the translation from addresses to functions and registers
 
-# Data formats of GTKWave, by pyvcd's names, and of Surfer.
+# Data formats by pyvcd's names.
 HEX, DECIMAL, BIT, ASCII = "hex", "dec", "bin", "ascii"
-SURFER_FORMAT = {HEX: "Hexadecimal", DECIMAL: "Unsigned", BIT: "Bit", ASCII: "ASCII"}
 
-# Colour of a row by its meaning, the first that fits its signal: GTKWave's and Surfer's names.
+# Colour of a row by its meaning, the first that fits its signal.
 COLOURS = (
     (re.compile(r"(revoke|_flaw|_bad|fault|_red)$"), "red"),
     (re.compile(r"(_rx|_tx|_de|line|_green)$"), "green"),
@@ -48,7 +45,6 @@ COLOURS = (
     (re.compile(r"state_name$"), "orange"),
 )
 VALUE, OTHER = "yellow", "violet"  # rows of bytes and numbers; all others
-SURFER_COLOUR = {"violet": "Purple"}
 
 WINDOW_FRAMES = 7  # GTKWave's zoom counts in frames of 200 pixels
 
@@ -230,17 +226,13 @@ def function_names(elf: Path = ELF) -> dict[int, str]:
 
 
 def write_names(folder: Path, names: dict[int, str]) -> Path:
-    """Writes GTKWave's filter file, and Surfer's mapping of the same name."""
-    filter_file = folder / f"{ADDRESSES}.txt"
+    """Writes GTKWave's filter file, which shows an address as a name."""
+    filter_file = folder / "firmware.txt"
     filter_file.write_text("".join(f"{value:08X} {name}\n" for value, name in names.items()))
-    mapping = folder / MAPPINGS / f"{ADDRESSES}.txt"
-    mapping.parent.mkdir(parents=True, exist_ok=True)
-    lines = [f"Name = {ADDRESSES}", "Bits = 32", *(f"0x{value:08X} {name}" for value, name in names.items())]
-    mapping.write_text("\n".join(lines) + "\n")
     return filter_file
 
 
-# ---------------------------------------------------------------- the two views
+# ---------------------------------------------------------------- the view
 def gtkwave_view(dump: Path, groups: dict[str, list[Row]], span: float, names: Path | None) -> str:
     text = StringIO()
     view = GTKWSave(text)
@@ -265,26 +257,8 @@ def gtkwave_view(dump: Path, groups: dict[str, list[Row]], span: float, names: P
     return text.getvalue()
 
 
-def surfer_view(groups: dict[str, list[Row]], named: bool) -> str:
-    """Adds all rows, then focuses each row by its number, in letters a to p, and sets format and colour."""
-    lines, styles, count = [], [], 0
-    for group, found in groups.items():
-        lines.append(f"divider_add {group.replace(' ', '_')}")
-        count += 1
-        for row in found:
-            lines.append(f"variable_add {row.signal.path}")
-            form = ADDRESSES if row.names and named else SURFER_FORMAT[row.form]
-            styles.append((count, [f"item_set_format {form}"] if row.form != BIT else [], row.colour))
-            count += 1
-    for place, formats, colour in styles:
-        letters = "".join(chr(ord("a") + int(digit, 16)) for digit in f"{place:x}")
-        shown = SURFER_COLOUR.get(colour, colour.capitalize())
-        lines += [f"item_focus {letters}", *formats, f"item_set_color {shown}"]
-    return "\n".join([*lines, "item_unfocus", "zoom_fit"]) + "\n"
-
-
 def save_file(dump: Path, top: str, elf: Path = ELF) -> Path:
-    """Writes both views beside the dump; returns GTKWave's. Surfer's has the same name with .sucl."""
+    """Writes the view beside the dump."""
     wave = WaveFile(dump)
     entries = CARD if top == "rtu2fc" else module_entries(top)
     groups = {name: rows(group, wave.signals) for name, group in entries.items()}
@@ -296,7 +270,6 @@ def save_file(dump: Path, top: str, elf: Path = ELF) -> Path:
         names = write_names(dump.parent, function_names(elf) | register_names())
     view = dump.with_suffix(".gtkw")
     view.write_text(gtkwave_view(dump, groups, wave.span, names))
-    dump.with_suffix(".sucl").write_text(surfer_view(groups, names is not None))
     return view
 
 
@@ -312,8 +285,6 @@ def main() -> int:
     if shutil.which("gtkwave") and os.environ.get("DISPLAY"):
         return subprocess.call(command)
     print(" ".join(command))
-    commands = view.with_suffix(".sucl")
-    print(f"cd {view.parent} && surfer --command-file {commands.name} {args.dump.name}")
     return 0
 
 

@@ -134,7 +134,5 @@ def pytest_terminal_summary(terminalreporter: pytest.TerminalReporter) -> None:
 
     for recording in recordings:
         terminalreporter.write_line(f"waves: gtkwave {shown(recording.wave, recording.view)}")
-        commands = f"surfer --command-file {recording.view.stem}.sucl {recording.wave.name}"
-        terminalreporter.write_line(f"       cd {shown(recording.wave.parent)} && {commands}")
         if recording.others:
             terminalreporter.write_line(f"lines: {shown(*recording.others)}")
