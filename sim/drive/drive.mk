@@ -13,7 +13,7 @@ DRIVE_CFLAGS := -std=c99 -O2 -Wall -Wextra -Werror -Wconversion
 .PHONY: drive
 drive: build/host/libvltdrive.so
 
-$(DRIVE_TABLES): $(DRIVE_PROFILES) sim/drive/drive_table.py sim/drive/vlt_drive.h sim/drive/drive.mk
+$(DRIVE_TABLES): $(DRIVE_PROFILES) sim/drive/drive_table.py sim/drive/drive.mk
 	python3 sim/drive/drive_table.py $(DRIVE_PROFILES) $@
 
 # Linked under another name and then moved, so that a running test never loads an incomplete library.

@@ -68,6 +68,7 @@ def test_only_faults_are_invented(profile: str):
     invented = {row["pnu"] for row in table(profile) if row["source"] == "simulator"}
     faults = {row["pnu"] for row in table(profile) if row["access"] in ("reset", "fixed", "denied")}
     assert invented == faults, "nothing is invented but what shows the fault numbers 6, 7 and 11"
+    assert {row["source"] for row in table(profile)} <= {"document", "partly", "memory", "simulator"}
 
 
 @each_drive

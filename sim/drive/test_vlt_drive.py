@@ -8,10 +8,7 @@ hand-made ones.
 
 from __future__ import annotations
 
-import subprocess
-import sys
 from collections.abc import Iterator
-from pathlib import Path
 
 import pytest
 
@@ -36,9 +33,6 @@ from sim.drive.drive_bench import (
 from tb.lib.seeds import seeded
 from tb.model import fc_telegram as fc
 from tb.model.vlt_drive import DriveError, Outcome, VltDrive
-
-ROOT = Path(__file__).resolve().parents[2]
-TABLE_TOOL = ROOT / "sim/drive/drive_table.py"
 
 MAGNETISING = 300
 ROWS = table("vlt6000")
@@ -466,42 +460,3 @@ def test_random_bytes_do_not_upset_the_drive():
             drive.trip(rng.randrange(100))
         drive.step(rng.randrange(5000))
         assert abs(drive.frequency_mhz) <= 120_000, "the most that 202 allows"
-
-
-# ---- the table tool ----------------------------------------------------------------------------
-
-COLUMN_LINE = "pnu,name,type,conversion,min,max,default,array,access,while_running,unit,role,source"
-GOOD_ROW = "104,Motor frequency,uint16,0,24,1000,50,0,rw,0,Hz,motor_frequency,memory"
-
-
-def make_table(tmp_path: Path, text: str) -> tuple[int, str, Path]:
-    """Exit code and messages of the table tool for a profile of this text."""
-    source, header = tmp_path / "toy.csv", tmp_path / "out" / "toy_table.h"
-    source.write_text(text)
-    done = subprocess.run(
-        [sys.executable, TABLE_TOOL, source, header], capture_output=True, text=True, check=False
-    )
-    return done.returncode, done.stderr, header
-
-
-def test_a_good_table_becomes_a_c_header(tmp_path: Path):
-    code, messages, header = make_table(tmp_path, f"#: pnu_bits = 12\n{COLUMN_LINE}\n{GOOD_ROW}\n")
-    assert (code, messages) == (0, "")
-    assert '{"toy", 4095, 1, 130, false, ' in header.read_text()
-
-
-@pytest.mark.parametrize(
-    ("row", "message"),
-    [
-        ("104,x,uint16,0,24,1000,50,0,rw,0,Hz", "11 columns instead of 13"),
-        ("100,x,uint16,0,24,1000,50,0,rw,0,Hz,,memory", "pnu 100 does not follow 103"),
-        ("104,x,uint16,0,24,1000,50,0,rw,0,Hz,ramp_up,memory", "role ramp_up is given twice"),
-    ],
-)
-def test_a_malformed_row_is_told_with_its_line(tmp_path: Path, row: str, message: str):
-    first = "103,First,uint16,0,1,10,5,0,rw,0,s,ramp_up,memory"
-    code, messages, header = make_table(tmp_path, f"# toy\n{COLUMN_LINE}\n{first}\n{row}\n")
-    assert code == 1
-    assert messages.startswith(f"{tmp_path / 'toy.csv'}:4: ")
-    assert message in messages
-    assert not header.exists()

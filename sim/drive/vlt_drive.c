@@ -92,7 +92,7 @@ static uint16_t find(const drive_t *d, uint16_t pnu) {
 }
 
 static const drive_parameter_t *by_role(const drive_t *d, drive_role_t role) {
-  uint16_t at = d->profile->by_role[role];
+  uint16_t at = d->by_role[role];
   return at == NOWHERE ? NULL : &d->profile->parameters[at];
 }
 
@@ -757,8 +757,10 @@ static void power_up(drive_t *d) {
 void drive_init(drive_t *d, const drive_profile_t *profile) {
   memset(d, 0, sizeof *d);
   d->profile = profile;
+  memset(d->by_role, 0xFF, sizeof d->by_role);
   for (uint16_t i = 0; i < profile->count; i++) {
     const drive_parameter_t *p = &profile->parameters[i];
+    if (p->role != DRIVE_ROLE_NONE) d->by_role[p->role] = i;
     if (p->type == DRIVE_TEXT) {
       store_text(d, p, (const uint8_t *)p->text, strlen(p->text));
     } else {

@@ -30,7 +30,7 @@ extern "C" {
 #define DRIVE_REQUEST_MAX 257
 #define DRIVE_REPLY_MAX (12 + DRIVE_TEXT_MAX)
 
-/* Capacity of one drive; sim/drive/drive_table.py refuses a profile that needs more. */
+/* Capacity of one drive; a profile that needs more does not compile. */
 #define DRIVE_PARAMETERS_MAX 512
 #define DRIVE_SLOTS_MAX 1024
 #define DRIVE_TEXTS_MAX 24
@@ -79,8 +79,8 @@ typedef enum {
   DRIVE_DENIED /* fault 11 */
 } drive_access_t;
 
-/* Meaning of a parameter for the simulation, so that profiles with other numbers share this code.
- * sim/drive/drive_table.py reads the names from here: column "role" of a profile, in lower case. */
+/* Meaning of a parameter for the simulation, so that profiles with other numbers share this code: column "role"
+ * of a profile, in lower case. */
 typedef enum {
   DRIVE_ROLE_NONE,
   /* settings the simulation obeys */
@@ -174,11 +174,11 @@ typedef struct {
   const drive_example_t *examples;
   uint16_t count; /* parameters, rising numbers */
   const drive_parameter_t *parameters;
-  const uint16_t *by_role; /* role -> place in parameters, FFFFh = none */
 } drive_profile_t;
 
 typedef struct {
   const drive_profile_t *profile;
+  uint16_t by_role[DRIVE_ROLE_COUNT]; /* place in the profile's parameters, FFFFh = none */
   int64_t ram[DRIVE_SLOTS_MAX];
   int64_t eeprom[DRIVE_SLOTS_MAX]; /* AK 13 and 14 write here too; survives drive_power_cycle() */
   char text[DRIVE_TEXTS_MAX][DRIVE_TEXT_MAX + 1];

@@ -20,7 +20,7 @@ import pytest
 
 from regs.dialects import STANDARD, STANDARD_DRIVE
 from sim.card.run_card import ROOT, RunningCard
-from sim.drive.drive_table import read_capacity, read_profile
+from sim.drive.drive_bench import table
 from sw.rtu2fc import card as card_module
 from sw.rtu2fc import cli, commands, port, problem, scan
 from sw.rtu2fc.card import parameter, parameters, raw_of
@@ -32,6 +32,7 @@ from sw.rtu2fc.tests.test_check import start
 from tb.agents.crc16 import with_crc
 from tb.lib.card import baud_switches
 from tb.lib.nightly import first
+from tb.model.vlt_drive import PROFILES
 
 PACKAGE = ROOT / "sw/rtu2fc"
 POSIX_ONLY = {"termios", "fcntl", "pty", "tty", "pwd", "grp", "resource", "select", "tomllib"}
@@ -290,10 +291,12 @@ def test_a_parameter_is_found_by_number_and_name():
 
 
 def test_the_table_of_a_drive_is_that_of_the_simulated_one():
-    for path in sorted((ROOT / "sim/drive").glob("*.csv")):
-        rows = read_profile(path, read_capacity()).parameters
-        found = [(p.number, p.name, p.type, p.conversion, p.unit) for p in parameters(path.stem).values()]
-        assert found == [(p.pnu, p.name, p.type, p.conversion, p.unit) for p in rows]
+    for drive in PROFILES:
+        rows = [
+            (row["pnu"], row["name"], row["type"], row["conversion"], row["unit"]) for row in table(drive)
+        ]
+        found = [(p.number, p.name, p.type, p.conversion, p.unit) for p in parameters(drive).values()]
+        assert [tuple(map(str, row)) for row in found] == rows
 
 
 @pytest.mark.parametrize(
