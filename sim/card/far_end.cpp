@@ -10,7 +10,6 @@ namespace card {
 namespace {
 constexpr int kJitterUs = 1000;             // pauses of a program that writes byte by byte
 constexpr std::size_t kMostWaiting = 4096;  // bytes; the rest of a flood stays in the pty
-constexpr std::uint8_t kOvercurrent = 13;   // alarm number of VLT drives
 constexpr std::size_t kLge = 1;             // index of LGE in a telegram
 constexpr std::size_t kNotInLge = 2;        // STX and LGE itself
 }  // namespace
@@ -70,10 +69,9 @@ void PortFarEnd::step(UartLine& line, Cycles now) {
   last_word_ours_ = true;
 }
 
-DriveEnd::DriveEnd(const drive_profile_t& profile, bool example, std::int64_t trip_us,
-                   const LineSettings& settings, const SimClock& clock, Cycles response_time)
+DriveEnd::DriveEnd(const drive_profile_t& profile, bool example, const LineSettings& settings,
+                   const SimClock& clock, Cycles response_time)
     : name_(example ? "example" : "sim"),
-      trip_us_(trip_us),
       clock_(clock),
       settings_(settings),
       response_time_(response_time) {
@@ -109,12 +107,6 @@ bool DriveEnd::complete() const {
 void DriveEnd::let_time_pass(Cycles until) {
   const std::int64_t until_us = clock_.microseconds(until);
   if (until_us <= stepped_us_) return;
-  if (trip_us_ > 0 && until_us >= trip_us_) {
-    drive_step(&drive_, static_cast<std::uint32_t>(trip_us_ - stepped_us_));
-    stepped_us_ = trip_us_;
-    trip_us_ = 0;
-    drive_trip(&drive_, kOvercurrent);
-  }
   drive_step(&drive_, static_cast<std::uint32_t>(until_us - stepped_us_));
   stepped_us_ = until_us;
 }

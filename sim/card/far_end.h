@@ -60,10 +60,9 @@ class PortFarEnd : public FarEnd {
 class DriveEnd : public FarEnd {
  public:
   // `response_time`: silence between the card's telegram and the reply. `example`: the drive keeps the
-  // state of its document's examples and ignores commands. `trip_us`: time of the trip in simulated
-  // microseconds; 0: never.
-  DriveEnd(const drive_profile_t& profile, bool example, std::int64_t trip_us, const LineSettings& settings,
-           const SimClock& clock, Cycles response_time);
+  // state of its document's examples and ignores commands.
+  DriveEnd(const drive_profile_t& profile, bool example, const LineSettings& settings, const SimClock& clock,
+           Cycles response_time);
   void from_card(const LineByte& byte) override;
   void step(UartLine& line, Cycles now) override;
   std::string name() const override { return name_; }
@@ -78,7 +77,6 @@ class DriveEnd : public FarEnd {
   void let_time_pass(Cycles until);
 
   const std::string name_;
-  std::int64_t trip_us_;
   const SimClock clock_;
   const LineSettings settings_;
   const Cycles response_time_;

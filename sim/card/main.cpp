@@ -74,8 +74,7 @@ std::unique_ptr<FarEnd> open_master(const Options& options) {
 std::unique_ptr<FarEnd> open_drive(const Options& options) {
   const LineSettings line = drive_settings(kClock);
   if (options.drive_device.empty() && options.drive_link.empty())
-    return std::make_unique<DriveEnd>(*options.profile, options.example,
-                                      static_cast<std::int64_t>(options.trip_seconds * 1e6), line, kClock,
+    return std::make_unique<DriveEnd>(*options.profile, options.example, line, kClock,
                                       kClock.from_microseconds(kDriveResponseUs));
   return std::make_unique<PortFarEnd>(open_port(options.drive_device, options.drive_link, line), line, kClock,
                                       kClock.from_seconds(kForeignDriveSeconds));

@@ -18,12 +18,11 @@ REPLY_S = 5.0  # wall time that pymodbus waits for a reply
 
 @dataclass(frozen=True)
 class Exchange:
-    """A master's call and its reading of the reply; `received` is None if the master hides the bytes."""
+    """A master's call and its reading of the reply."""
 
     call: str
     answer: str
     accepted: bool
-    received: bytes | None = None
 
 
 def words(data: bytes) -> list[int]:
@@ -66,7 +65,7 @@ class Pymodbus:
             retries=0,
             trace_packet=self._trace,
         )
-        self.sent = self.received = b""
+        self.received = b""
         if not self.client.connect():
             raise ConnectionError(f"pymodbus cannot open {link}")
 
@@ -80,10 +79,7 @@ class Pymodbus:
         self.client.close()
 
     def _trace(self, sending: bool, data: bytes) -> bytes:
-        if sending:
-            self.sent, self.received = data, b""
-        else:
-            self.received = data  # everything since the request
+        self.received = b"" if sending else data  # everything since the request
         return data
 
     def ask(self, request: bytes) -> Exchange:
@@ -99,15 +95,15 @@ class Pymodbus:
         try:
             response = getattr(self.client, method)(*arguments, device_id=request[0], **options)
         except ModbusException as error:
-            return Exchange(call, str(error), False, self.received)
+            return Exchange(call, str(error), False)
         if response.isError():
-            return Exchange(call, f"exception {response.exception_code}", False, self.received)
+            return Exchange(call, f"exception {response.exception_code}", False)
         answer = "accepted"
         if method == "read_holding_registers":
             answer = f"registers {response.registers}"
         elif method == "read_coils":
             answer = f"coils {''.join(str(int(bit)) for bit in response.bits[: options['count']])}"
-        return Exchange(call, answer, True, self.received)
+        return Exchange(call, answer, True)
 
     def send(self, unit: int, pdu: bytes, answered: bool = True) -> bytes:
         """Sends any PDU, valid or not, as a custom function; returns the received bytes."""

@@ -70,8 +70,6 @@ void check_together(const Options& options) {
     throw UserError("--modbus and --modbus-device exclude each other");
   if ((!options.drive_link.empty() || options.example) && !options.drive_device.empty())
     throw UserError("--drive and --drive-device exclude each other");
-  if (options.trip_seconds > 0 && !(options.drive_link.empty() && options.drive_device.empty()))
-    throw UserError("--trip is for the simulated drive");
   if (options.dialect->images[options.image] == nullptr)
     throw UserError(std::string(kFlags[options.image - 1].name) + " has no image for the dialect " +
                     options.dialect->name);
@@ -142,7 +140,6 @@ Options parse_options(int argc, char** argv) {
          options.example = v == "example";
          options.drive_link = v == "sim" || options.example ? "" : v;
        }},
-      {"--trip", true, [&](const std::string& v) { options.trip_seconds = positive_seconds("--trip", v); }},
       {"--drive-device", true, text(options.drive_device)},
       {"--profile", true,
        [&](const std::string& v) {
@@ -211,7 +208,6 @@ std::string help_text() {
          "drive line (FC protocol, 9600 8E1)\n"
          "  --drive sim            the simulated drive (default)\n"
          "  --drive example        the simulated drive in the state of its document's examples\n"
-         "  --trip SECONDS         let the simulated drive trip (overcurrent) after so many simulated seconds\n"
          "  --drive LINK           a pty for a foreign drive\n"
          "  --drive-device DEV     use a real serial port\n"
          "  --profile NAME         the simulated drive, and the names of a drive's parameters in words:\n"

@@ -15,7 +15,6 @@ struct Options {
   std::string modbus_device;
   std::string drive_link;  // empty: the simulated drive, unless drive_device is set
   bool example = false;    // the simulated drive keeps the state of its document's examples
-  double trip_seconds = 0;  // when the simulated drive trips, 0: never
   std::string drive_device;
   const Dialect* dialect = nullptr;
   std::size_t image = 0;  // of Dialect::images

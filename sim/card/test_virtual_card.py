@@ -220,18 +220,7 @@ def test_a_foreign_drive_has_wall_time_to_answer_at_full_speed(tmp_path):
         assert len(of(card.frames(), "drive", "card")) == 1
 
 
-# ---------------------------------------------------------------- the simulated drive
-def test_the_drive_trips_on_demand(tmp_path):
-    with RunningCard(tmp_path, "--speed", "max", "--trip", "1.5", "--control") as card:
-        states = [card.state()]
-        while states[-1]["state"] < 1.6:
-            states.append(card.state())
-    # The drive looks at its time now and then.
-    for state in states:
-        if not 1.5 <= state["state"] < 1.55:
-            assert state["motor"]["alarm"] == (13 if state["state"] >= 1.5 else 0)
-
-
+# ---------------------------------------------------------------- the switches
 @pytest.mark.rule("LINE-7")
 def test_the_address_switches_choose_the_unit(tmp_path):
     read_of_unit_5 = with_crc(bytes.fromhex("05 01 00 00 00 10"))
