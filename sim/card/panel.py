@@ -12,20 +12,14 @@ Times are simulated seconds. Exit code: that of build/card.
 
 from __future__ import annotations
 
-import json
 import math
 import os
-import queue
-import re
-import subprocess
 import sys
 import tempfile
 import textwrap
-import threading
 import time
-import tomllib
 from collections import Counter, deque
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from contextlib import suppress
 from pathlib import Path
 from typing import ClassVar
@@ -38,15 +32,11 @@ from textual.widgets import Static
 
 from regs.dialects import DEFAULT, DIALECTS
 from rtl.command import run_main
-from rtl.sources import ROOT
-from sim.card.run_card import CARD
+from sim.card.run_card import CARD, CardError, RunningCard, option
+from sw.rtu2fc import fc, tables
+from sw.rtu2fc.drives import DRIVES
 from tb.agents import rtu
 from tb.model import fc_telegram
-
-WORDS = tomllib.loads((ROOT / "regs/fc.toml").read_text())
-# States that mean nothing without the bit's name.
-BARE = {"1", "on", "yes", "ready", "possible", "warning"}
-UNUSED = {"No function", "Not in use"}
 
 TRIP, VALID = 0x0008, 0x0400  # bits of status and control word
 REFRESH_S = 0.1
@@ -59,7 +49,6 @@ LED_STYLE = {"off": "grey50", "red": "bold red", "green": "bold green", "orange"
 BAUD_STEP, BAUD_MOST = 0.5, 10.0  # percent
 NOISE = (0, 10, 50, 200)  # per thousand bytes
 MESSAGE_S = 5.0  # wall time that a message is shown
-START_S = 30.0  # wall time for build/card to become ready
 KEYS = " t trip  c/C cut  n/N noise  +/- baud  arrows, space  p power  h help  q quit"
 HELP = """\
 t       trip the simulated drive (alarm 13)
@@ -89,31 +78,9 @@ def hints(link: str) -> list[str]:
 # ---------------------------------------------------------------- formatting
 
 
-def kinds(profile: str) -> set[str]:
-    """Kinds of drive that `only` in regs/fc.toml selects."""
-    table = (ROOT / f"sim/drive/{profile}.csv").read_text()
-    return {
-        "fc_status" if re.search(r"^#: fc_status = 1", table, re.MULTILINE) else "vlt_status",
-        "two_ramps" if "ramp_up_2" in table else "one_ramp",
-    }
-
-
-def bits_in_words(which: str, word: int, of: set[str]) -> str:
-    """Names the bits that are 1; which: control or status."""
-    said = []
-    for bit in WORDS[which].values():
-        if bit.get("only", next(iter(of))) in of and word >> bit["bit"] & 1 and bit["name"] not in UNUSED:
-            said.append(bit["name"].lower() if bit["one"] in BARE else bit["one"])
-    return ", ".join(said)
-
-
 def trend(values: deque[float], full: float = 100.0) -> str:
     steps = len(BARS) - 1
     return "".join(BARS[min(steps, math.ceil(abs(value) / full * steps - 0.01))] for value in values)
-
-
-def percent(word: int) -> float:
-    return (word - 0x10000 if word & 0x8000 else word) * 100 / fc_telegram.FULL_SCALE
 
 
 def switch_row(digits: str, cursor: int | None) -> Text:
@@ -129,7 +96,7 @@ class View:
     """Collects log entries and states, and renders the panel's parts as text."""
 
     def __init__(self, link: str = "build/modbus", profile: str = "vlt6000") -> None:
-        self.link, self.kinds = link, kinds(profile)
+        self.link, self.of = link, DRIVES[profile]
         self.state: dict = {}
         self.word = {"control": 0, "reference": 0, "status": 0, "frequency": 0}
         self.heard: set[str] = set()  # process words seen so far
@@ -159,7 +126,7 @@ class View:
         if state["state"] >= self._next_point:
             self._next_point = state["state"] + TREND_S
             for name, points in self.trends.items():
-                points.append(percent(self.word[name]))
+                points.append(fc.share(self.word[name]))
 
     def _take_frame(self, frame: dict) -> None:
         data, ok, sender = bytes.fromhex(frame["bytes"]), frame["ok"], frame["from"]
@@ -269,11 +236,12 @@ class View:
                 continue
             alarm = name == "status" and word & TRIP
             text.append(f"{word:04X}h  {summary}\n", style="bold red" if alarm else "bold")
-            rows = textwrap.wrap(bits_in_words(name, word, self.kinds), RIGHT - 3)
+            bits = tables.CONTROL if name == "control" else tables.STATUS
+            rows = textwrap.wrap(fc.bits_in_words(word, bits, self.of), RIGHT - 3)
             text.append("".join(f" {row}\n" for row in [*rows, "", ""][:2]), style="grey62")
         for name, points in self.trends.items():
             text.append(f"{name:<10}", style="bold")
-            text.append(f"{percent(self.word[name]):7.1f} %  ")
+            text.append(f"{fc.share(self.word[name]):7.1f} %  ")
             text.append(f"{trend(points)}\n", style="green" if name == "frequency" else "blue")
         return text
 
@@ -312,76 +280,25 @@ class View:
 # ---------------------------------------------------------------- the card
 
 
-class LiveCard:
-    """build/card with its log and its command input."""
+class LiveCard(RunningCard):
+    """build/card with all that the panel shows of it."""
 
-    def __init__(self, options: list[str], folder: Path) -> None:
-        given = option(options, "--log")
-        self.log = Path(given) if given else folder / "card.jsonl"
-        files = [] if given else ["--log", str(self.log)]
-        self._lines: queue.Queue[str | None] = queue.Queue()
-        self.process = subprocess.Popen(
-            [CARD, *options, *files, "--quiet", "--control"],
-            stdin=subprocess.PIPE,
-            stdout=subprocess.PIPE,
-            stderr=subprocess.STDOUT,
-            text=True,
-            start_new_session=True,  # Ctrl-C must reach only the panel
-        )
-        threading.Thread(target=self._read, daemon=True).start()
-        self.said: list[str] = []
-        with suppress(queue.Empty):
-            while (line := self._lines.get(timeout=START_S)) is not None:
-                self.said.append(line)
-                if line.startswith("ready "):
-                    break
-        self._file = self.log.open() if self.log.exists() else None
-        self._rest = ""
-
-    @property
-    def ready(self) -> bool:
-        return bool(self.said) and self.said[-1].startswith("ready ")
-
-    def _read(self) -> None:
-        for line in self.process.stdout:
-            self._lines.put(line.rstrip("\n"))
-        self._lines.put(None)
-
-    def command(self, text: str) -> None:
-        """Sends a command to the card; events() returns the answer."""
-        with suppress(OSError):  # the card has ended: events() reports it
-            self.process.stdin.write(f"{text}\n")
-            self.process.stdin.flush()
+    def __init__(self, options: Sequence[str], folder: Path) -> None:
+        super().__init__(folder, *options, "--quiet", "--control", apart=True)
+        self._told = len(self.output)
 
     def events(self) -> Iterator[dict]:
-        """Returns new log entries, states, {"message": ...} and {"exit": code}."""
-        self._rest += self._file.read()
-        *whole, self._rest = self._rest.split("\n")
-        yield from map(json.loads, whole)
-        with suppress(queue.Empty):
-            while (line := self._lines.get_nowait()) is not None:
-                if line.startswith("{"):
-                    yield json.loads(line)
-                elif line != "ok":
-                    yield {"message": re.sub(r"^(error|card: warning): ", "", line)}
-            yield {"exit": self.process.wait()}
-
-    def stop(self) -> int:
-        """Closes the card's input, which ends the card."""
-        with suppress(OSError):
-            self.process.stdin.close()
-        return self.process.wait(START_S)
-
-
-def option(options: list[str], name: str) -> str | None:
-    """Value of an option of build/card; the last one counts."""
-    found = None
-    for at, text in enumerate(options):
-        if text.startswith(f"{name}="):
-            found = text.partition("=")[2]
-        elif text == name and at + 1 < len(options):
-            found = options[at + 1]
-    return found
+        """Returns new log entries, the state, {"message": ...} and {"exit": code}."""
+        code = None if self.process.poll() is None else self.wait()
+        yield from self.new_entries()
+        if code is None:
+            with suppress(CardError, OSError):  # it ends just now
+                yield self.state()
+        new = self.output[self._told :]
+        self._told += len(new)
+        yield from ({"message": line.removeprefix("card: warning: ")} for line in new)
+        if code is not None:
+            yield {"exit": code}
 
 
 # ---------------------------------------------------------------- the terminal
@@ -438,18 +355,20 @@ class Panel(App[int]):
         self.call_after_refresh(self.step)
 
     def step(self) -> None:
-        self.source.command("state")
         for event in self.source.events():
             if "exit" in event:
                 self.exit(event["exit"])
             elif "message" in event:
-                self.view.message = event["message"]
-                self._message_until = time.monotonic() + MESSAGE_S
+                self.say(event["message"])
             else:
                 self.view.take(event)
         if time.monotonic() > self._message_until:
             self.view.message = ""
         self.show()
+
+    def say(self, message: str) -> None:
+        self.view.message = message
+        self._message_until = time.monotonic() + MESSAGE_S
 
     def show(self) -> None:
         # The timer may fire before all parts are mounted, or while they are removed.
@@ -464,7 +383,10 @@ class Panel(App[int]):
 
     def action_send(self, command: str) -> None:
         self.view.message = ""
-        self.source.command(command)
+        with suppress(CardError, OSError):  # the card has ended: events() reports it
+            answer = self.source.command(command)
+            if answer != "ok":
+                self.say(answer.removeprefix("error: "))
 
     def _make_trouble(self, line: str, what: str, key: str, value: object, said: str) -> None:
         """Applies the change at once: the next key may come before the card reports its state."""
@@ -519,18 +441,11 @@ def plain(options: list[str], link: str) -> None:
 
 def main() -> int:
     options = sys.argv[1:]
-    if not CARD.exists():
-        print("panel: build/card is missing: run `make card`", file=sys.stderr)
-        return 2
     link = option(options, "--modbus") or option(options, "--modbus-device") or "its pty"
     terminal = sys.stdin.isatty() and sys.stdout.isatty() and os.environ.get("TERM", "dumb") != "dumb"
     if not terminal or {"--help", "--version", "--quiet", "--control"} & set(options):
         plain(options, link)
-    with tempfile.TemporaryDirectory() as folder:
-        card = LiveCard(options, Path(folder))
-        if not card.ready:
-            print("\n".join(card.said), file=sys.stderr)
-            return card.stop()
+    with tempfile.TemporaryDirectory() as folder, LiveCard(options, Path(folder)) as card:
         dialect = DIALECTS[option(options, "--dialect") or DEFAULT]
         view = View(link, option(options, "--profile") or dialect.profiles[0])
         ended = Panel(card, view).run()
@@ -541,4 +456,4 @@ def main() -> int:
 
 
 if __name__ == "__main__":
-    run_main("panel", main)
+    run_main("panel", main, CardError, OSError)

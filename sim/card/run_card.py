@@ -6,6 +6,7 @@ Times in the log are simulated seconds (s) since the release of the card's reset
 
 from __future__ import annotations
 
+import contextlib
 import json
 import os
 import queue
@@ -16,6 +17,7 @@ import termios
 import threading
 import time
 import tty
+from collections.abc import Sequence
 from pathlib import Path
 from typing import NamedTuple, Self
 
@@ -76,26 +78,40 @@ class Port:
         return data
 
 
+def option(options: Sequence[str], name: str) -> str | None:
+    """Value of an option of build/card; the last one counts."""
+    found = None
+    for at, text in enumerate(options):
+        if text.startswith(f"{name}="):
+            found = text.partition("=")[2]
+        elif text == name and at + 1 < len(options):
+            found = options[at + 1]
+    return found
+
+
 class RunningCard:
     """A virtual card as a process and context manager. `options` go to its command line unchanged.
 
-    program: build/card, unless another is given, such as that of the small card.
+    Its link and its log are in `folder`, unless an option names others. program: build/card, unless another
+    is given, such as that of the small card. apart: Ctrl-C does not reach it.
     """
 
-    def __init__(self, folder: Path, *options: str, program: Path = CARD) -> None:
+    def __init__(self, folder: Path, *options: str, program: Path = CARD, apart: bool = False) -> None:
         if not program.exists():
             raise CardError(f"{program.relative_to(ROOT)} is missing: run `make card`")
-        self.link = folder / "modbus"
-        self.log = folder / "card.jsonl"
+        self.link = Path(option(options, "--modbus") or folder / "modbus")
+        self.log = Path(option(options, "--log") or folder / "card.jsonl")
+        files = [] if option(options, "--modbus-device") else ["--modbus", self.link]
         self.output: list[str] = []
         self._entries: list[dict] = []
         self._read_bytes = 0
         self.process = subprocess.Popen(
-            [program, "--modbus", self.link, "--log", self.log, *options],
+            [program, *options, *files, "--log", self.log],
             stdin=subprocess.PIPE if "--control" in options else None,
             stdout=subprocess.PIPE,
             stderr=subprocess.STDOUT,
             text=True,
+            start_new_session=apart,
         )
         self._answers: queue.Queue[str] = queue.Queue()
         self._is_ready = threading.Event()
@@ -118,15 +134,16 @@ class RunningCard:
             if line.startswith("ready "):
                 self._is_ready.set()
         self._is_ready.set()
+        self._answers.put("")
 
     def command(self, text: str) -> str:
         """One-line answer of the card to a command; needs the option --control."""
         self.process.stdin.write(f"{text}\n")
         self.process.stdin.flush()
-        try:
-            return self._answers.get(timeout=FRAME_S)
-        except queue.Empty:
-            raise CardError(f"no answer to '{text}'") from None
+        with contextlib.suppress(queue.Empty):
+            if answer := self._answers.get(timeout=FRAME_S):
+                return answer
+        raise CardError(f"no answer to '{text}'")
 
     def state(self) -> dict:
         return json.loads(self.command("state"))
@@ -153,13 +170,17 @@ class RunningCard:
         self._reader.join(seconds)
         return code
 
-    def entries(self) -> list[dict]:
-        """Complete lines of the log so far. Each is read once: tests ask again every few ms."""
+    def new_entries(self) -> list[dict]:
+        """Complete lines of the log since the last call."""
         with self.log.open("rb") as log:
             log.seek(self._read_bytes)
             whole = b"".join(log.read().rpartition(b"\n")[:2])
         self._read_bytes += len(whole)
-        self._entries += map(json.loads, whole.splitlines())
+        return list(map(json.loads, whole.splitlines()))
+
+    def entries(self) -> list[dict]:
+        """Complete lines of the log so far. Each is read once: tests ask again every few ms."""
+        self._entries += self.new_entries()
         return list(self._entries)
 
     def frames(self) -> list[Frame]:
