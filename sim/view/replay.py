@@ -297,57 +297,22 @@ MEANINGS = {
     ASCII: "the card serves Modbus RTU alone",
     LOW: "the bus has no bias",
 }
+NOT_HERE = "no frame is good at this rate, format and level; rtu2fc decode finds those of a recording"
 
 
-class Sense:
-    """The good frames at a rate and format, also those with noise after them, and the mistakes."""
-
-    def __init__(self, edges: Sequence[tuple[int, int]], line: LineFormat) -> None:
-        found = pieces(characters(edges, line), line)
-        self.count = len(found)
-        self.good = sum(piece.begins_good for piece in found)
-        self._mistakes = Counter(suspicion(piece) for piece in found if piece.fault)
-
-    @property
-    def rank(self) -> tuple[int, int]:
-        return self.good, self._mistakes[SWAPPED] + self._mistakes[ASCII]
-
-    def mistakes(self) -> list[str]:
-        return [
-            f"{text} in {self._mistakes[text]} of {self.count} frames: {meaning}"
-            for text, meaning in MEANINGS.items()
-            if self._mistakes[text]
-        ]
-
-
-def suspicions(edges: Sequence[tuple[int, int]], line: LineFormat, invert: bool) -> list[str]:
+def suspicions(edges: Sequence[tuple[int, int]], line: LineFormat) -> list[str]:
     """Why the card serves nothing in a recording, from the recording alone."""
-    here = Sense(edges, line)
-    if here.good:
-        return here.mistakes()
-    inverted = [(at, 1 - level) for at, level in edges]
-    tried = {
-        (baud, form, other): Sense(
-            edges if other == invert else inverted, LineFormat(baud, form, line.clk_hz)
-        )
-        for other in (invert, not invert)
-        for baud in BAUDS
-        for form in sorted(FORMS, key=lambda form: form != FACTORY)
-    }
-    baud, form, other = best = max(tried, key=lambda setting: tried[setting].rank)
-    found = tried[best]
-    where = f"BAUD={baud} FORMAT={form} INVERT={'yes' if other else 'no'}"
-    if found.good:
-        frames = f"{found.good} good frame{'s' if found.good != 1 else ''}"
-        return [f"wrong rate or format: {frames} with {where}"]
-    if any(here.rank):
-        return here.mistakes()
-    if any(found.rank):
-        return [f"{text} ({where})" for text in found.mistakes()]
-    return ["noise, another protocol or another channel: no frame is good at any rate and format of the card"]
+    found = pieces(characters(edges, line), line)
+    mistakes = Counter(suspicion(piece) for piece in found if piece.fault)
+    said = [
+        f"{text} in {mistakes[text]} of {len(found)} frames: {meaning}"
+        for text, meaning in MEANINGS.items()
+        if mistakes[text]
+    ]
+    return said if said or any(piece.begins_good for piece in found) else [NOT_HERE]
 
 
-def check_line(edges: Sequence[tuple[int, int]], line: LineFormat, invert: bool) -> list[str]:
+def check_line(edges: Sequence[tuple[int, int]], line: LineFormat) -> list[str]:
     """The suspicions. A recording without a character is refused."""
     if len(edges) < 2:
         level = edges[0][1] if edges else 1
@@ -357,10 +322,9 @@ def check_line(edges: Sequence[tuple[int, int]], line: LineFormat, invert: bool)
             else "try INVERT=yes, or the channel is another"
         )
         raise CaptureError(f"the line is constantly {level}: {why}")
-    found = suspicions(edges, line, invert)
     if not characters(edges, line):
-        raise CaptureError(f"no character at {line.baud} {line.form}; {found[0]}")
-    return found
+        raise CaptureError(f"no character at {line.baud} {line.form}; {NOT_HERE}")
+    return suspicions(edges, line)
 
 
 def first_seconds(edges: list[tuple[int, int]], clocks: float) -> list[tuple[int, int]]:
@@ -406,7 +370,6 @@ def unusual(options: argparse.Namespace) -> dict[str, int]:
 def main(words: Sequence[str] | None = None) -> int:
     options = arguments(words)
     line = LineFormat(options.baud, options.format, configuration(options.config)["clk_hz"])
-    invert = options.invert == "yes"
     others = unusual(options)
     try:
         capture = open_capture(options.file)
@@ -415,10 +378,10 @@ def main(words: Sequence[str] | None = None) -> int:
             few = f"{samples:.1f} samples a bit are few: record {SAMPLES_A_BIT} or more"
             print(f"replay: warning: {options.file}: {few}", file=sys.stderr)
         channel = options.channel or capture.only_channel()
-        edges = capture.edges(channel, line.clk_hz, invert=invert)
+        edges = capture.edges(channel, line.clk_hz, invert=options.invert == "yes")
         edges = first_seconds(edges, options.seconds * line.clk_hz)
         try:
-            suspected = check_line(edges, line, invert)
+            suspected = check_line(edges, line)
         except CaptureError as error:
             raise CaptureError(f"{options.file}, channel {channel}: {error}") from None
         for text in suspected:
