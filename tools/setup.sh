@@ -59,7 +59,6 @@ needs=(
   "demo     perl    Pod::Usage               perl"
   "demo     python  ensurepip                python3-venv"
   "test     command iverilog                 iverilog"
-  "test     command tmux                     tmux"
   "test     libpython -                      libpythonX.Y"
   "views    command tshark                   tshark"
   "views    command sigrok-cli               sigrok-cli"

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The panel of `make run`: display of a recorded log, commands of the keys, and a real screen.
+"""The panel of `make run`: display of a recorded log, commands of the keys, and a card.
 
 sim/card/panel.jsonl is a log of the virtual card with states in between: start at 50 %, a read, a refused
 write, a wrong CRC, a cut drive line, a trip, noise, moved switches, and at last a cut network line.
@@ -8,6 +8,7 @@ write, a wrong CRC, a cut drive line, a trip, noise, moved switches, and at last
 from __future__ import annotations
 
 import asyncio
+import contextlib
 import json
 import os
 import re
@@ -28,8 +29,9 @@ from tb.lib.nightly import first
 
 RECORDED = [json.loads(line) for line in (ROOT / "sim/card/panel.jsonl").read_text().splitlines()]
 COLUMNS, ROWS = 80, 24
+PARTS = ("title", "card", "drive", "lines", "log")
 START_HALF = with_crc(bytes.fromhex("01 0F 00 00 00 20 04 7C 04 00 20"))
-SCREEN_S = 40.0  # wall time for a text to appear on the real screen, on a busy machine
+SCREEN_S = 40.0  # wall time for a text to appear, on a busy machine
 
 
 class Recording:
@@ -62,7 +64,7 @@ def play(entries: list[dict], *keys: str) -> tuple[Panel, Recording, dict[str, s
             await pilot.pause(0.3)
             await pilot.press(*keys)
             await pilot.pause(0.3)
-            parts.update({name: shown(app, name) for name in ("title", "card", "drive", "lines", "log")})
+            parts.update({name: shown(app, name) for name in PARTS})
 
     asyncio.run(run())
     return app, source, parts
@@ -159,71 +161,54 @@ def test_a_card_that_does_not_start_is_one_line(tmp_path):
         LiveCard(["--modbus", str(tmp_path / "modbus")], tmp_path)
 
 
-class Terminal:
-    """The panel in its own tmux session, 80 x 24."""
-
-    def __init__(self, folder, options: str = "", then: str = "") -> None:
-        self.socket = str(folder / "tmux")
-        self.link = folder / "modbus"
-        command = f"{sys.executable} -m sim.card.panel --modbus {self.link} {options}{then}"
-        self.tmux("-f", "/dev/null", "new-session", "-d", "-x", str(COLUMNS), "-y", str(ROWS), command)
-
-    def tmux(self, *words: str) -> str:
-        environment = {**os.environ, "LC_ALL": "C.UTF-8", "TERM": "xterm-256color"}
-        environment.pop("TMUX", None)
-        done = subprocess.run(
-            ["tmux", "-u", "-S", self.socket, *words],
-            cwd=ROOT,
-            env=environment,
-            capture_output=True,
-            text=True,
-            check=False,
-        )
-        return done.stdout
-
-    def __enter__(self) -> Terminal:
-        return self
-
-    def __exit__(self, *_: object) -> None:
-        self.tmux("kill-server")
-
-    def wait_for(self, *patterns: str) -> list[str]:
-        """Returns the screen as soon as it matches all patterns."""
-        end, screen = time.monotonic() + SCREEN_S, ""
-        while time.monotonic() < end:
-            screen = self.tmux("capture-pane", "-p")
-            if all(re.search(pattern, screen) for pattern in patterns):
-                return screen.split("\n")
-            time.sleep(0.1)
-        raise AssertionError(f"{[p for p in patterns if not re.search(p, screen)]} not in\n{screen}")
-
-
 def test_reason_for_the_end_stays_on_the_terminal(tmp_path):
-    with Terminal(tmp_path, "--pcap /dev/full", "; echo code $?; sleep 60") as terminal:
-        screen = terminal.wait_for(r"code 2")
-        assert "card: cannot write /dev/full: No space left on device" in screen
+    ours, terminal = os.openpty()
+    options = ["--modbus", str(tmp_path / "modbus"), "--pcap", "/dev/full", "--for", "5"]
+    panel = subprocess.Popen(
+        [sys.executable, "-m", "sim.card.panel", *options],
+        cwd=ROOT,
+        env=os.environ | {"TERM": "xterm-256color"},
+        stdin=terminal,
+        stdout=terminal,
+        stderr=terminal,
+    )
+    os.close(terminal)
+    written = b""
+    with contextlib.suppress(OSError):  # the panel has ended
+        while data := os.read(ours, 4096):
+            written += data
+    os.close(ours)
+    assert panel.wait(SCREEN_S) == 2
+    end = written.decode().rpartition("\x1b[?1049l")[2]  # after the panel's own screen
+    assert "card: cannot write /dev/full: No space left on device" in end
 
 
-def test_a_real_screen_of_80_by_24(tmp_path):
-    with Terminal(tmp_path) as terminal:
-        terminal.wait_for(r"rtu2fc  unit 1  9600 8N2", r"status +0607h  stopped", r"nothing heard yet")
-        with RawPort(terminal.link) as master:
+def test_the_panel_with_its_card(tmp_path):
+    async def run(card: LiveCard, master: RawPort) -> None:
+        app = Panel(card, View(str(card.link)))
+        async with app.run_test(size=(COLUMNS, ROWS)) as pilot:
+
+            async def wait_for(*patterns: str) -> None:
+                end, screen = time.monotonic() + SCREEN_S, ""
+                while missing := [pattern for pattern in patterns if not re.search(pattern, screen)]:
+                    assert time.monotonic() < end, f"{missing} not in\n{screen}"
+                    await pilot.pause(0.1)
+                    screen = "\n".join(shown(app, part) for part in PARTS)
+
+            await wait_for(r"unit 1  9600 8N2", r"status +0607h  stopped", r"nothing heard yet")
             assert len(master.ask(START_HALF, 8)) == 8
-            terminal.wait_for(r"control +047Ch  start", r"reference +50\.0 %", r"asked 1 replied 1 exc 0")
+            await wait_for(r"control +047Ch  start", r"reference +50\.0 %", r"asked 1 replied 1 exc 0")
             assert len(master.ask(request_of("ex5-read-514"), 9)) == 9
-        screen = terminal.wait_for(
-            r"asked 2 replied 2", r"frequency +[1-9][\d.]+ %", r"ms reply +unit 1: param"
-        )
-        assert len([row for row in screen if row]) >= 20 and max(map(len, screen)) <= COLUMNS
-        assert screen[0].startswith(" rtu2fc ")
-        assert re.match(r"[●○] network", screen[2]) and re.match(r"[●○] drive", screen[3])
-        assert screen[23].startswith(" t trip") and "q quit" in screen[23]
-        terminal.tmux("send-keys", "t", "C", "+")
-        terminal.wait_for(r"status +....h  tripped", r"drive +asked.* CUT", r"network +asked.* baud \+0\.5%")
-        terminal.tmux("send-keys", "Down", "Right", "Space", "p")
-        terminal.wait_for(r"unit 3  9600 8N2", r"status +0607h  stopped")
-        terminal.tmux("send-keys", "q")
-        end = time.monotonic() + SCREEN_S
-        while terminal.link.is_symlink() and time.monotonic() < end:
-            time.sleep(0.1)
-        assert not terminal.link.is_symlink(), "the card goes with the panel"
+            await wait_for(r"asked 2 replied 2", r"frequency +[1-9][\d.]+ %", r"ms reply +unit 1: param")
+            places = {part: app.query_one(f"#{part}").region for part in (*PARTS, "keys")}
+            assert [places[part].y for part in (*PARTS, "keys")] == [0, 2, 2, 11, 14, ROWS - 1]
+            await pilot.press("t", "C", "+")
+            await wait_for(r"status +....h  tripped", r"drive +asked.* CUT", r"network +asked.* baud \+0\.5%")
+            await pilot.press("down", "right", "space", "p")
+            await wait_for(r"unit 3  9600 8N2", r"status +0607h  stopped")
+            await pilot.press("q")
+        assert app.return_value == 0
+
+    with LiveCard([], tmp_path) as card, RawPort(card.link) as master:
+        asyncio.run(run(card, master))
+    assert not card.link.is_symlink(), "the card goes with the panel"
