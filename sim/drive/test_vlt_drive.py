@@ -356,11 +356,8 @@ MOTIONS = (
     *(({506: selector}, START | REVERSE, 0x2000, hz) for selector, hz in enumerate((25, -25, 25, -25))),
     # 505 reserves the start for the digital input.
     ({505: 0}, START, FULL_SPEED, 0),
-    # 210 joins the references of bus and preset: sum, sum limited to 100 %, relative, external.
-    *(
-        ({202: 1000, 210: kind, 211: preset}, START, 0x2000, hz)
-        for kind, preset, hz in ((0, 5000, 50), (0, 6000, 50), (1, 5000, 37.5), (2, 5000, 25))
-    ),
+    # The references of bus and preset are added, to 100 % at most.
+    *(({202: 1000, 211: preset}, START, 0x2000, 50) for preset in (5000, 6000)),
 )
 
 

@@ -12,6 +12,7 @@
  * - In one telegram the parameter part is executed before the process part.
  * - A text write is answered with the text; texts are always kept in EEPROM.
  * - Digital inputs are not wired: nothing started or reversed there, terminal 27 closed (no coasting).
+ * - The references of bus and preset are added, whatever the parameter for that says.
  * - Jog counts as a start and overrides freeze; every stop overrides freeze.
  * - The control word's bits 11 to 14 (relays, setup) do nothing that an observer sees.
  */
@@ -189,18 +190,7 @@ static int64_t reference_sum(const drive_t *d) {
   int64_t external = d->reference >= 0x8000 ? (int64_t)d->reference - 0x10000 : d->reference;
   unsigned choice = selected(d, DRIVE_ROLE_SELECT_PRESET, true) ? d->control & CTW_PRESET : 0;
   int64_t preset = presets == NULL ? 0 : scale(d->ram[presets->slot + choice], presets->conversion + 2);
-  int64_t sum;
-  switch (setting(d, DRIVE_ROLE_REFERENCE_TYPE, 0)) {
-    case 0:
-      sum = external * 10000 + preset * FULL_SCALE;
-      break;
-    case 1:
-      sum = external * (10000 + preset);
-      break;
-    default: /* external/preset: no digital input chooses the preset one */
-      sum = external * 10000;
-      break;
-  }
+  int64_t sum = external * 10000 + preset * FULL_SCALE;
   if (sum > FULL_SUM) sum = FULL_SUM;
   if (sum < -FULL_SUM) sum = -FULL_SUM;
   return d->controlled ? sum : 0;
@@ -326,18 +316,15 @@ bool drive_running(const drive_t *d) {
   return d->frequency_nhz != 0 || d->dc_brake_us > 0 || command(d) == GO_RUN;
 }
 
-/* Load model of a fan, in units of the rated current's raw value. At rest: the preheater's current if it
- * is on, else 0. Braking: the DC brake's. Turning: the magnetising current, rising with the square of the
- * speed to the rated current at rated frequency (never above CURRENT_MAX_PERCENT). */
+/* Load model of a fan, in units of the rated current's raw value. At rest 0. Braking: the DC brake's. Turning:
+ * the magnetising current, rising with the square of the speed to the rated current at rated frequency (never
+ * above CURRENT_MAX_PERCENT). */
 static int64_t current_raw(const drive_t *d) {
   int64_t rated = setting(d, DRIVE_ROLE_MOTOR_CURRENT, 600);
   int64_t mhz = magnitude(d->frequency_nhz) / NHZ_PER_MHZ;
   if (d->alarm != 0) return 0;
   if (d->dc_brake_us > 0) return rated * setting(d, DRIVE_ROLE_DC_BRAKE_CURRENT, 0) / 100;
-  if (!drive_running(d)) {
-    bool preheat = setting(d, DRIVE_ROLE_PREHEAT, 0) != 0;
-    return preheat ? rated * setting(d, DRIVE_ROLE_PREHEAT_CURRENT, 0) / 100 : 0;
-  }
+  if (!drive_running(d)) return 0;
   int64_t magnetising = rated * MAGNETISING_PERCENT / 100;
   int64_t load = mhz * 1000 / rated_mhz(d); /* speed in 0.1 % */
   int64_t current = magnetising + (rated - magnetising) * (load * load) / 1000000;
@@ -409,7 +396,6 @@ void drive_trip(drive_t *d, uint8_t alarm) {
   log_fault(d, DRIVE_ROLE_FAULT_CODE, alarm);
   int64_t hours = setting(d, DRIVE_ROLE_HOURS_RUN, 0) + (int64_t)(d->run_us / 3600000000U);
   log_fault(d, DRIVE_ROLE_FAULT_TIME, hours);
-  log_fault(d, DRIVE_ROLE_FAULT_VALUE, 0);
   settle(d);
 }
 
@@ -430,7 +416,6 @@ static void control(drive_t *d, uint16_t ctw, uint16_t reference) {
 /* Value of a calculated readout; false for every other parameter. */
 static bool live(const drive_t *d, const drive_parameter_t *p, int64_t *value) {
   int64_t mhz = drive_frequency_mhz(d);
-  int64_t high_mhz = scaled(d, DRIVE_ROLE_FREQUENCY_MAX, MILLI, 50000);
   int64_t rated;
   int digits = -p->conversion;
   switch ((drive_role_t)p->role) {
@@ -442,9 +427,6 @@ static bool live(const drive_t *d, const drive_parameter_t *p, int64_t *value) {
       break;
     case DRIVE_ROLE_SHOW_FREQUENCY:
       *value = scale(magnitude(mhz), digits - MILLI);
-      break;
-    case DRIVE_ROLE_SHOW_READOUT:
-      *value = high_mhz > 0 ? setting(d, DRIVE_ROLE_READOUT_MAX, 0) * magnitude(mhz) / high_mhz : 0;
       break;
     case DRIVE_ROLE_SHOW_CURRENT:
       *value = current_raw(d);

@@ -86,13 +86,10 @@ typedef enum {
   /* settings the simulation obeys */
   DRIVE_ROLE_ACTIVE_SETUP, /* 0 = factory setup: writes are refused with 131 */
   DRIVE_ROLE_ADDRESS,
-  DRIVE_ROLE_READOUT_MAX,
   DRIVE_ROLE_MOTOR_POWER,
   DRIVE_ROLE_MOTOR_VOLTAGE,
   DRIVE_ROLE_MOTOR_FREQUENCY,
   DRIVE_ROLE_MOTOR_CURRENT,
-  DRIVE_ROLE_PREHEAT,
-  DRIVE_ROLE_PREHEAT_CURRENT,
   DRIVE_ROLE_DC_BRAKE_CURRENT,
   DRIVE_ROLE_DC_BRAKE_TIME,
   DRIVE_ROLE_FREQUENCY_MIN,
@@ -107,7 +104,6 @@ typedef enum {
   DRIVE_ROLE_RAMP_DOWN_2,
   DRIVE_ROLE_QUICK_STOP_RAMP, /* without this role a quick stop takes the ramp-down time */
   DRIVE_ROLE_JOG_FREQUENCY,
-  DRIVE_ROLE_REFERENCE_TYPE, /* 0 sum, 1 relative, 2 external/preset */
   DRIVE_ROLE_PRESETS, /* the first of four parameters in a row, or an array of four and more */
   DRIVE_ROLE_CURRENT_LIMIT,
   DRIVE_ROLE_SELECT_COAST, /* selectors: 0 digital input, 1 bus, 2 logic and, 3 logic or */
@@ -122,7 +118,6 @@ typedef enum {
   DRIVE_ROLE_SHOW_REFERENCE_PERCENT,
   DRIVE_ROLE_SHOW_REFERENCE,
   DRIVE_ROLE_SHOW_FREQUENCY,
-  DRIVE_ROLE_SHOW_READOUT,
   DRIVE_ROLE_SHOW_CURRENT,
   DRIVE_ROLE_SHOW_POWER_W,
   DRIVE_ROLE_SHOW_POWER_HP,
@@ -133,7 +128,6 @@ typedef enum {
   DRIVE_ROLE_SHOW_CONTROL_WORD,
   DRIVE_ROLE_FAULT_CODE, /* arrays, newest entry first */
   DRIVE_ROLE_FAULT_TIME,
-  DRIVE_ROLE_FAULT_VALUE,
   DRIVE_ROLE_HOURS_RUN,
   DRIVE_ROLE_COUNT
 } drive_role_t;

@@ -60,7 +60,6 @@ class Signal:
     path: str
     name: str
     width: int
-    is_text: bool  # characters, such as a state name
 
     @property
     def leaf(self) -> str:
@@ -111,8 +110,7 @@ class WaveFile:
             above, _, name = path.partition(".")
             if above == "TOP" and "." in name:
                 name = name.partition(".")[2]
-            text = name.endswith(("_name", ".name"))
-            found.setdefault(name, Signal(path, name, variable.bitwidth, text))
+            found.setdefault(name, Signal(path, name, variable.bitwidth))
         return found
 
     def changes(self, name: str) -> Iterator[tuple[float, str]]:
