@@ -10,6 +10,7 @@ from pathlib import Path
 from rtl.sources import ROOT
 
 TABLE = ROOT / "tb/planted.toml"
+BY_FUZZER = {"fuzz": ""}  # where a row names nobody
 
 
 class PlantError(Exception):
@@ -18,7 +19,7 @@ class PlantError(Exception):
 
 @dataclass(frozen=True)
 class Bug:
-    """A row of the table."""
+    """A row of the table. `rules`: those that it breaks. `seen`: who must find it."""
 
     name: str
     rules: list[str]
@@ -46,7 +47,15 @@ class Bug:
         return (root / self.file).read_text().replace(self.old, self.new)
 
 
+def _bug(
+    name: str, breaks: str, file: str, change: list[str], then: str = "", seen: dict[str, str] = BY_FUZZER
+) -> Bug:
+    """A row of the table, whose `breaks` is the rules and the mistake."""
+    rules, _, what = breaks.partition(": ")
+    return Bug(name, rules.split(", "), what, file, *change, seen, then)
+
+
 def bugs(seen_by: str = "") -> list[Bug]:
     """Those that a test, a proof or a fuzzer must see; all without a name."""
-    found = [Bug(name, **row) for name, row in tomllib.loads(TABLE.read_text()).items()]
+    found = [_bug(name, **row) for name, row in tomllib.loads(TABLE.read_text()).items()]
     return [bug for bug in found if not seen_by or seen_by in bug.seen]
