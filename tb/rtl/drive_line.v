@@ -1,5 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// Bench wrapper: the drive port with the base tick made from the clock, as on the card.
+// Bench wrapper: the drive port with the base tick made from the clock, as on the card. SystemVerilog joins
+// what has the port's names.
 `default_nettype none
 
 module drive_line #(
@@ -41,13 +42,7 @@ module drive_line #(
   wire tick_base;
   wire tick16_drive;
 
-  baud_base #(
-      .CLK_HZ(CLK_HZ)
-  ) base_i (
-      .clk(clk),
-      .rst(rst),
-      .tick_base(tick_base)
-  );
+  baud_base #(.CLK_HZ(CLK_HZ)) base_i (.*);
 
   baud_divider divider_i (
       .clk(clk),
@@ -59,34 +54,9 @@ module drive_line #(
   );
 
   drive_port port_i (
-      .clk(clk),
-      .rst(rst),
       .tick16(tick16_drive),
-      .write_valid(write_valid),
-      .write_ready(write_ready),
-      .write_addr(write_addr),
-      .write_data(write_data),
-      .read_valid(read_valid),
-      .read_ready(read_ready),
-      .read_addr(read_addr),
-      .read_data(read_data),
-      .telegram_start(telegram_start),
-      .telegram_length(telegram_length),
-      .telegram_no_reply(telegram_no_reply),
-      .telegram_control(telegram_control),
-      .telegram_stop(telegram_stop),
-      .rx(rx),
-      .tx(tx),
-      .de(de),
-      .listen_again(listen_again),
-      .listen_stop(listen_stop),
-      .listening(listening),
-      .sending(sending),
-      .quiet(quiet),
       .start_seen(),
-      .candidate(candidate),
-      .good(good),
-      .bad(bad)
+      .*
   );
 
 endmodule

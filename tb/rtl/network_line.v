@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 // Bench wrapper: the network port with base tick and tables of the switches, as on the card, by default with
-// EXTENDED_SWITCHES for every rate and format. CLK_HZ 0: a base tick in each clock.
+// EXTENDED_SWITCHES for every rate and format. CLK_HZ 0: a base tick in each clock. SystemVerilog joins what has the
+// port's names.
 `default_nettype none
 
 module network_line #(
@@ -67,27 +68,16 @@ module network_line #(
   card_tables #(
       .EXTENDED_SWITCHES(EXTENDED_SWITCHES)
   ) tables_i (
-      .sw_baud(sw_baud),
       .baud_undivided(undivided),
       .baud_mask(mask),
-      .parity_enable(parity_enable),
-      .parity_odd(parity_odd),
-      .two_stop(two_stop),
-      .half_end(half_end),
-      .half_uneven(half_uneven)
+      .*
   );
 
   generate
     if (CLK_HZ == 0) begin : g_each
       assign tick_base = 1'b1;
     end else begin : g_base
-      baud_base #(
-          .CLK_HZ(CLK_HZ)
-      ) base_i (
-          .clk(clk),
-          .rst(rst),
-          .tick_base(tick_base)
-      );
+      baud_base #(.CLK_HZ(CLK_HZ)) base_i (.*);
     end
   endgenerate
 
@@ -103,49 +93,7 @@ module network_line #(
   network_port port_i (
       .strict_t15(STRICT_T15),
       .break_tolerant(BREAK_TOLERANT),
-      .clk(clk),
-      .rst(rst),
-      .tick16(tick16),
-      .write_valid(write_valid),
-      .write_ready(write_ready),
-      .write_addr(write_addr),
-      .write_data(write_data),
-      .read_valid(read_valid),
-      .read_ready(read_ready),
-      .read_addr(read_addr),
-      .read_data(read_data),
-      .read_damaged(read_damaged),
-      .reply_start(reply_start),
-      .reply_length(reply_length),
-      .rx(rx),
-      .tx(tx),
-      .de(de),
-      .parity_enable(parity_enable),
-      .parity_odd(parity_odd),
-      .two_stop(two_stop),
-      .half_end(half_end),
-      .half_uneven(half_uneven),
-      .own_address(own_address),
-      .loopback_open(loopback_open),
-      .sending(sending),
-      .quiet(quiet),
-      .start_seen(start_seen),
-      .silent(silent),
-      .fault(fault),
-      .candidate(candidate),
-      .commit(commit),
-      .revoke(revoke),
-      .frame_length(frame_length),
-      .frame_broadcast(frame_broadcast),
-      .frame_writes_coils(frame_writes_coils),
-      .frame_writes_parameter(frame_writes_parameter),
-      .frame_bank(frame_bank),
-      .count_crc(count_crc),
-      .count_parity(count_parity),
-      .count_framing(count_framing),
-      .count_t15(count_t15),
-      .count_overrun(count_overrun),
-      .count_foreign(count_foreign)
+      .*
   );
 
 endmodule
