@@ -33,67 +33,27 @@ class Manner:
     fault: str | None = None
 
 
-def _silence(reply: bytes, telegram: bytes) -> tuple[bytes, Flaws]:
-    return b"", Flaws()
+def _with_bcc(reply: bytes, at: int, value: int) -> bytes:
+    """With another byte, and a BCC that fits."""
+    bcc = reply[-1] ^ reply[at] ^ value
+    return reply[:at] + bytes([value]) + reply[at + 1 : -1] + bytes([bcc])
 
 
-def _bad_bcc(reply: bytes, telegram: bytes) -> tuple[bytes, Flaws]:
-    return reply[:-1] + bytes([reply[-1] ^ 0x10]), Flaws()
-
-
-def _bad_stx(reply: bytes, telegram: bytes) -> tuple[bytes, Flaws]:
-    return bytes([0x03]) + reply[1:-1] + bytes([reply[-1] ^ 0x01]), Flaws()
-
-
-def _wrong_adr(reply: bytes, telegram: bytes) -> tuple[bytes, Flaws]:
-    """A telegram of another drive, correct in everything else."""
-    return reply[:2] + bytes([reply[2] ^ 0x03]) + reply[3:-1] + bytes([reply[-1] ^ 0x03]), Flaws()
-
-
-def _wrong_lge(reply: bytes, telegram: bytes) -> tuple[bytes, Flaws]:
-    """LGE is one too high; the BCC fits the bytes."""
-    wrong = reply[1] + 1
-    return bytes([reply[0], wrong]) + reply[2:-1] + bytes([reply[-1] ^ reply[1] ^ wrong]), Flaws()
-
-
-def _parity(reply: bytes, telegram: bytes) -> tuple[bytes, Flaws]:
-    return reply, Flaws(bad_parity=(len(reply) // 2,))
-
-
-def _framing(reply: bytes, telegram: bytes) -> tuple[bytes, Flaws]:
-    return reply, Flaws(bad_stop=(len(reply) // 2,))
-
-
-def _garbage_before(reply: bytes, telegram: bytes) -> tuple[bytes, Flaws]:
-    """A phantom character, as after a line turnaround; the reply itself is correct."""
-    return b"\x00" + reply, Flaws()
-
-
-def _cut_short(reply: bytes, telegram: bytes) -> tuple[bytes, Flaws]:
-    return reply[:-3], Flaws()
-
-
-def _slow(reply: bytes, telegram: bytes) -> tuple[bytes, Flaws]:
-    """Every gap is legal; the whole takes longer than 1.5 times its nominal time."""
-    return reply, with_gaps(len(reply), 0.65 * CHARACTER_BITS)
-
-
-def _long_gap(reply: bytes, telegram: bytes) -> tuple[bytes, Flaws]:
-    return reply, Flaws(gaps={len(reply) // 2: 2.5 * CHARACTER_BITS})
-
-
-FAULTS: dict[str, Callable[[bytes, bytes], tuple[bytes, Flaws]]] = {
-    "silence": _silence,
-    "bad BCC": _bad_bcc,
-    "bad STX": _bad_stx,
-    "wrong ADR": _wrong_adr,
-    "wrong LGE": _wrong_lge,
-    "parity error": _parity,
-    "framing error": _framing,
-    "garbage before": _garbage_before,
-    "cut short": _cut_short,
-    "slow": _slow,
-    "long gap": _long_gap,
+# What is sent instead of a good reply.
+FAULTS: dict[str, Callable[[bytes], tuple[bytes, Flaws]]] = {
+    "silence": lambda reply: (b"", Flaws()),
+    "bad BCC": lambda reply: (reply[:-1] + bytes([reply[-1] ^ 0x10]), Flaws()),
+    "bad STX": lambda reply: (_with_bcc(reply, 0, 0x03), Flaws()),
+    "wrong ADR": lambda reply: (_with_bcc(reply, 2, reply[2] ^ 0x03), Flaws()),
+    "wrong LGE": lambda reply: (_with_bcc(reply, 1, reply[1] + 1), Flaws()),
+    "parity error": lambda reply: (reply, Flaws(bad_parity=(len(reply) // 2,))),
+    "framing error": lambda reply: (reply, Flaws(bad_stop=(len(reply) // 2,))),
+    # A phantom character, as after a line turnaround; the reply itself is correct.
+    "garbage before": lambda reply: (b"\x00" + reply, Flaws()),
+    "cut short": lambda reply: (reply[:-3], Flaws()),
+    # Every gap is legal; the whole takes longer than 1.5 times its nominal time.
+    "slow": lambda reply: (reply, with_gaps(len(reply), 0.65 * CHARACTER_BITS)),
+    "long gap": lambda reply: (reply, Flaws(gaps={len(reply) // 2: 2.5 * CHARACTER_BITS})),
 }
 
 
@@ -174,7 +134,7 @@ class FcSlave:
         if reply is not None:
             data, flaws = (reply, Flaws())
             if manner.fault:
-                data, flaws = FAULTS[manner.fault](reply, frame.data)
+                data, flaws = FAULTS[manner.fault](reply)
             if manner.gap_bits:
                 flaws = with_gaps(len(data), manner.gap_bits)
             if data:
