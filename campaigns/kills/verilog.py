@@ -58,7 +58,7 @@ BENCH_IN |= dict.fromkeys(GATE, "commit_gate")
 MORE_BENCHES = {
     TOP: [
         f"card_{subject}"
-        for subject in ("supervision", "power_up", "loopback", "both_lines", "breaks", "driver_time")
+        for subject in ("supervision", "power_up", "loopback", "both_lines", "recovers", "driver_time")
     ]
 }
 COPIED = (

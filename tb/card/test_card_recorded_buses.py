@@ -9,10 +9,14 @@ address from a request, and no rule asks for it: such a reply is answered as a r
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+import itertools
+from dataclasses import dataclass, field, replace
+from pathlib import Path
 
 import pytest
 
+from regs.dialects import folder_with
+from rtl.sources import ROOT
 from sim.harness.library import BuildError
 from sim.view.replay import Fate, Replay
 from tb.agents import rtu
@@ -26,12 +30,23 @@ CLK_HZ = SLOW_HZ["standard"]
 BUDGET_CLOCKS = 10_000  # as the fuzzer allows (campaigns/fuzz/case.py)
 FOREIGN = 9
 WRONG_LENGTH = 65  # exception (EXC 2)
+TOLERANT = ROOT / "build" / folder_with(BREAK_TOLERANT=1)
+# A break's own character is not counted as silence, nor is the fall before it: FRAME-3, break_filter.
+LATE_BITS = 12.5
+MASTER_DRIVES_US = 400  # after the slave's driver goes off the master's goes on within this time
+SERVED, TELEGRAMS = 38, 4  # by a card that takes a low for silence
 
 
-def opened(bus: Bus, unit: int, replies: bool = True) -> Replay:
+def opened(
+    bus: Bus,
+    unit: int,
+    replies: bool = True,
+    edges: list[tuple[int, int]] | None = None,
+    images: Path | None = None,
+) -> Replay:
     line = LineFormat(bus.baud, bus.form, CLK_HZ)
     try:
-        return Replay(bus.edges(CLK_HZ), line, unit, replies=replies)
+        return Replay(edges or bus.edges(CLK_HZ), line, unit, replies=replies, images=images)
     except BuildError as error:
         pytest.fail(str(error), pytrace=False)
 
@@ -176,3 +191,44 @@ def test_a_wire_that_falls_low_after_each_request_is_not_served():
         requests = [fate for fate in replay.fates if fate.piece.begins_good]
         assert len(requests) == SLAVE[0].good and all("stop bit" in fate.piece.fault for fate in requests)
         assert not replay.strobes("commit") and not replay.replies and not replay.telegrams
+
+
+def without_the_slave() -> list[tuple[int, int]]:
+    """The edges of BA+ without those of the recorded slave; low where nobody drives."""
+    edges, driver = FLOATING.edges(CLK_HZ), replace(FLOATING, channel="DE").edges(CLK_HZ)
+    late = MASTER_DRIVES_US * CLK_HZ // 1_000_000
+    for (rise, level), (fall, _) in itertools.pairwise(driver):
+        if level:
+            own = [at for at, _ in edges if rise <= at < fall + late]
+            edges = [edge for edge in edges if not rise <= edge[0] < own[-1]]
+    return [edge for i, edge in enumerate(edges) if not i or edge[1] != edges[i - 1][1]]
+
+
+@pytest.mark.nightly
+@pytest.mark.rule("FRAME-3", "FRAME-7")
+@pytest.mark.parametrize("images", [TOLERANT, None], ids=["tolerant", "default"])
+def test_with_break_tolerant_the_requests_on_such_a_wire_are_served(images: Path | None):
+    """A request less than 3.5 characters after the card's own reply is ignored (FRAME-1): the recorded master
+    did not know when this card's reply ends."""
+    with opened(FLOATING, FLOATING.unit, edges=without_the_slave(), images=images) as replay:
+        replay.play()
+        line = replay.line
+        requests = [fate.piece for fate in replay.fates if fate.piece.begins_good]
+        assert len(requests) == SLAVE[0].good
+        if not images:
+            assert not replay.strobes("commit") and not replay.replies and not replay.telegrams
+            return
+        starts = [piece.start for piece in requests] + [float("inf")]
+        committed = 0
+        for start, after in itertools.pairwise(starts):
+            before = max((burst.fall for burst in replay.replies if burst.fall < start), default=0)
+            heard = sum(start < at < after for at in replay.strobes("commit"))
+            silence = (start - before) / line.bit - line.t35_bits
+            if not -UNSURE_BITS < silence < LATE_BITS:
+                assert heard == int(silence > 0)
+            assert heard <= 1
+            committed += heard
+        assert committed == SERVED
+        # The drive's reply to a telegram comes after this master's next request (FRAME-7).
+        assert len(replay.telegrams) == TELEGRAMS and len(replay.replies) == SERVED - TELEGRAMS
+        assert all(burst.data[0] == FLOATING.unit for burst in replay.replies)
