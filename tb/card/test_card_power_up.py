@@ -19,7 +19,7 @@ from tb.agents import rtu
 from tb.agents.fc_slave import Script
 from tb.lib.bench import Bench
 from tb.lib.card import MS, baud_switches, switch_word
-from tb.lib.config import CLK_HZ, ROUNDS_MS, SLOW_HZ, boot_clocks, own_hz
+from tb.lib.config import CLK_HZ, SLOW_HZ, boot_clocks, own_hz
 from tb.lib.fast_card import LEDS, RESET_CLOCKS, FastCard, Shown, steps_ms
 from tb.lib.runner import run
 from tb.lib.seeds import seeded
@@ -289,69 +289,3 @@ def test_power_up_show_lights_one_led_after_the_other_and_delays_nothing(config)
         # The network LED follows the drive LED's dark quarter second.
         assert near((modbus[0].since_ps - drive[3].since_ps) / MS, STEP_MS)
         assert near((modbus[3].since_ps - drive[0].since_ps) / MS, 7 * STEP_MS)
-
-
-def set_register(card: FastCard, register: int, value: int) -> None:
-    pdu = rtu.write_register(register, value)
-    assert card.request(rtu.build(1, pdu)).data == rtu.build(1, pdu)
-
-
-def to_next_flash(card: FastCard, led: str = "modbus") -> None:
-    """Runs until just after a LED was lit; it stays lit for half a second."""
-    card.run_until(max(card.now_ps, 2005 * MS))
-    if card.led(led) != "off":
-        card.run_until_led(led, "off", 600)
-    card.run_until(card.now_ps + 1000 * MS, f"led_{led}_red", f"led_{led}_green")
-    assert card.led(led) in ("red", "green")
-
-
-@pytest.mark.rule("LED-3", "MAP-5")
-def test_network_led_is_green_for_register_40002_after_each_good_frame_for_the_card(config):
-    with FastCard(config=config, baud=BAUD, form="8N2") as card:
-        to_next_flash(card)
-        # Neither of these is a good frame for this card.
-        others = rtu.build(2, READ_DRIVE_TIMEOUT), rtu.build(1, READ_DRIVE_TIMEOUT)[:-1] + b"\0"
-        for adu in others:
-            assert card.request(adu, 5) is None
-        card.run(50)
-        assert card.led("modbus") == "red", "before the first frame"
-        set_register(card, 1, 30)
-        card.run(10)
-        assert card.led("modbus") == "green"
-        end = card.modbus.frames()[-1].start_ps - rtu.t35_ps(BAUD)
-        for adu in others:
-            card.run(100)
-            assert card.request(adu, 5) is None
-        turned = card.run_until_led("modbus", "red", 300)
-        print(f"red {(turned - end) / MS:.2f} ms after the last stop bit")
-        assert 0.99 * 300 <= (turned - end) / MS <= 1.01 * 300 + ROUNDS_MS[config]
-        # Any frame for the card keeps it green, also a rejected request or a broadcast.
-        to_next_flash(card)
-        for adu in (rtu.build(1, b"\x2b"), rtu.build(0, rtu.write_register(0, 0)), rtu.build(1, b"\x2b")):
-            card.request(adu, 5)
-            card.run(140)
-            assert card.led("modbus") == "green"
-
-
-@pytest.mark.rule("LED-4")
-def test_drive_led_shows_how_the_last_exchange_ended(config):
-    script = Script()
-    with FastCard(config=config, baud=BAUD, form="8N2", drive=script) as card:
-        to_next_flash(card, "drive")
-        assert card.led("drive") == "red", "before the first exchange"
-        set_register(card, 2, 3)
-        assert card.led("drive") == "red", "no exchange"
-        pdu = control_pdu(0x047C, 0x1999)
-        telegram, reply = process(0x047C, 0x1999)
-        # All of these end while the LED is lit.
-        for shows, replies in (("green", [reply]), ("red", [None, None]), ("green", [None, reply])):
-            for one in replies:
-                script.expect(telegram, one)
-            answer = card.request(rtu.build(1, pdu)).data
-            card.run(2)
-            script.check()
-            assert card.led("drive") == shows
-            assert answer == rtu.build(1, rtu.exception(0x0F, 255) if shows == "red" else pdu[:5])
-        # A refusal by the drive is a reply, so the exchange succeeded.
-        to_next_flash(card, "drive")
-        assert card.led("drive") == "green"

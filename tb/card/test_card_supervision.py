@@ -16,7 +16,7 @@ from tb.lib.card import MS, baud_switches, switch_word
 from tb.lib.config import ROUNDS_MS, own_hz
 from tb.lib.fast_card import Line
 from tb.lib.seeds import seeded
-from tb.lib.supervision import BITE_MS, ILLEGAL, WatchedCard, constant_word, control_pdu, process
+from tb.lib.supervision import BITE_MS, WatchedCard, constant_word, control_pdu, process
 from tb.model import fc_telegram
 
 BAUD = 38_400
@@ -167,19 +167,6 @@ def test_a_permanently_damaged_program_ends_in_the_fault_at_the_restart(config):
         card.damage(constant_word(config), 0, 1)
         card.until_fault(card.bite_now() + card.boot_ms * MS, "restart")
         assert not card.modbus.de and not card.drive.de
-
-
-@pytest.mark.rule("WDG-1")
-def test_a_trap_triggers_the_watchdog_at_once():
-    """On the standard card only: SERV has no trap."""
-    with booted("standard") as card:
-        stopped = card.now_ps
-        card.stop(ILLEGAL)
-        bitten = card.bite()
-        card.restore()
-        assert bitten - stopped < 1 * MS
-        card.check_restarted(bitten)
-        card.check_lines()
 
 
 # ---------------------------------------------------------------- damaged bytes, endless senders

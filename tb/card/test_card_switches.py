@@ -7,21 +7,15 @@ meanings, and a character of 8N1 is 10 bits.
 
 from __future__ import annotations
 
-from collections.abc import Iterator
-
 import pytest
 
 from tb.agents import rtu
-from tb.agents.uart import Flaws
 from tb.lib.card import MS
 from tb.lib.fast_card import FastCard
-from tb.model.fc_telegram import ADR_BROADCAST, build_process
 
 OLD, EXTENDED = (("EXTENDED_SWITCHES", 0),), (("EXTENDED_SWITCHES", 1),)
 REQUEST = rtu.build(1, rtu.read_registers(2, 1))
 REPLY = rtu.build(1, bytes.fromhex("03 02 00 0F"))
-STOP_ALL = rtu.build(0, rtu.write_coils(0, [bool(0x043C >> i & 1) for i in range(32)]))
-READ_STATUS = rtu.build(1, rtu.read_coils(32, 16))
 # FRAME-1: a quarter of a bit either way.
 SURE_BITS = 0.3
 
@@ -68,44 +62,3 @@ def test_every_position_with_extended_switches_is_answered(switches, baud, form)
     clk_hz = 64 * 115_200 if baud == 115_200 else None
     with FastCard(switches + "0000", baud, form, clk_hz=clk_hz, parameters=EXTENDED) as card:
         check_answer(card)
-
-
-@pytest.fixture(params=[9600, 19_200])
-def card(request: pytest.FixtureRequest) -> Iterator[FastCard]:
-    with FastCard(baud=request.param, form="8N1", parameters=EXTENDED) as found:
-        found.run(1.1 * found.boot_ms)
-        yield found
-
-
-@pytest.mark.rule("LINE-3", "FRAME-1")
-def test_at_8n1_a_request_35_bits_after_a_broadcast_is_served(card: FastCard):
-    """eModbus and pymodbus wait 3.5 characters of 10 bits; the stop to all must leave, too.
-
-    The card counts sixteenths of a bit, and an exact 35 bits may be one short.
-    """
-    card.modbus.send(STOP_ALL, 50 * card.modbus.fmt.bit_ps)
-    end = card.modbus.send(READ_STATUS, (35 + 1 / 16) * card.modbus.fmt.bit_ps)
-    frame = card.next_frame(card.modbus, end + 100 * MS)
-    assert frame is not None and frame.data[:3] == bytes.fromhex("01 01 02")
-    card.run(20)
-    assert [frame.data for frame in card.drive.frames()][:1] == [build_process(0x043C, 0, ADR_BROADCAST)]
-
-
-@pytest.mark.rule("LINE-3", "FRAME-1", "FRAME-3")
-def test_at_8n1_the_silence_between_frames_is_35_bits(card: FastCard):
-    """A character just before revokes the request; one just after does not."""
-    bit = card.modbus.fmt.bit_ps
-    for silence, commits in ((35 - SURE_BITS, False), (35 + SURE_BITS, True)):
-        telegrams = len(card.drive.frames())
-        card.modbus.send(STOP_ALL, 60 * bit)
-        end = card.modbus.send(b"\x55", silence * bit)
-        card.run_until(end + 40 * MS)
-        assert (len(card.drive.frames()) > telegrams) == commits, f"{silence} bits"
-
-
-@pytest.mark.rule("LINE-3", "FRAME-1", "FRAME-2")
-def test_at_8n1_the_longest_gap_in_a_frame_is_15_bits(card: FastCard):
-    for gap, answered in ((15 - SURE_BITS, True), (15 + SURE_BITS, False)):
-        end = card.modbus.send(REQUEST, 60 * card.modbus.fmt.bit_ps, Flaws(gaps={4: gap}))
-        frame = card.next_frame(card.modbus, end + 40 * MS)
-        assert (frame is not None) == answered, f"{gap} bits"

@@ -1,30 +1,22 @@
 # SPDX-License-Identifier: Apache-2.0
 """The whole card with its firmware: a Modbus master on one line, a drive on the other.
 
-Every rule is checked on both lines: which frames out follow from which frames in. The clock is slow, because
-only times on the lines count here and every clock costs simulation time. `test_own_clock` runs at the card's
-own clock.
+The examples are checked on both lines, byte for byte. The clock is slow, because
+only times on the lines count there and every clock costs simulation time. `test_own_clock` runs the tests of
+the firmware's speed at the card's own clock.
 """
 
 import os
 
 import cocotb
 import pytest
-from cocotb.triggers import RisingEdge, with_timeout
 
-from regs.dialects import folder_with
-from rtl.sources import ROOT
 from tb.agents import rtu
-from tb.agents.fc_slave import FAULTS, Manner, Script
+from tb.agents.fc_slave import Script
 from tb.agents.modbus_master import Transaction
 from tb.agents.uart import sleep_until
 from tb.lib.card import MS, CardBench
-from tb.lib.config import (
-    BROADCAST_MS,
-    CLK_HZ,
-    SLOW_HZ,
-    own_hz,
-)
+from tb.lib.config import BROADCAST_MS, CLK_HZ, SLOW_HZ, own_hz
 from tb.lib.runner import run
 from tb.lib.supervision import control_pdu, process
 from tb.model import fc_telegram
@@ -38,9 +30,6 @@ BAUD = int(os.environ.get("CARD_BAUD", "38400"))
 CHARACTER = 11  # bits
 REPLY_WAIT = 2  # register 40003 in 10 ms, for tests with a silent drive
 DEFAULT_WAIT = 15
-BAD_REPLIES = [name for name in FAULTS if name not in ("silence", "garbage before")]
-# These faults leave the bytes right.
-ON_THE_LINE = ("parity error", "framing error", "slow", "long gap")
 
 
 class Scenario:
@@ -148,80 +137,7 @@ async def every_example_is_right_byte_for_byte_on_both_lines(dut):
     dut._log.info("%d examples right", len(EXAMPLES))
 
 
-@cocotb.test()
-async def own_echo_on_both_lines_has_no_effect(dut):
-    scene = await Scenario(dut, echo=True).start()
-    for name in ("ex1-start-40", "bad-address", "ex5-read-514", "bcast-start"):
-        await play(scene, EXAMPLES[name])
-    scene.finish()
-
-
-# ---------------------------------------------------------------- requests that were overtaken
-
-
-@cocotb.test()
-async def reply_is_dropped_when_a_character_arrives_during_the_exchange_with_the_drive(dut):
-    scene = await Scenario(dut).start()
-    pdu = control_pdu(0x047C, 0x1999)
-    scene.script.expect(*process(0x047C, 0x1999))
-    await scene.master.send(rtu.build(1, pdu))
-    await scene.master.send(rtu.build(9, rtu.read_coils(0, 8)))
-    await scene.card.drive.monitor.pin_idle(20 * MS)
-    assert len(scene.card.slave.heard) == 1, "the exchange is finished"
-    assert not scene.card.modbus.monitor.characters, "no late answer"
-    assert await scene.read_control() == bytes.fromhex("7C 04 99 19")
-    scene.finish()
-
-
-@cocotb.test()
-async def only_the_newest_request_is_answered(dut):
-    """The card gets a second request while the drive handles the first."""
-    scene = await Scenario(dut).start()
-    pdu = control_pdu(0x047C, 0x1999)
-    scene.script.expect(*process(0x047C, 0x1999))
-    await scene.master.send(rtu.build(1, pdu))
-    # At the bench's clock SERV may need longer than t3.5; a telegram not yet sent is withdrawn (FRAME-7).
-    await with_timeout(RisingEdge(dut.drive_de), 20, "ms")
-    done = await scene.master.request(rtu.build(1, rtu.read_registers(2, 1)), 60 * MS)
-    assert done.data == rtu.build(1, bytes.fromhex("03 02 00 0F"))
-    await scene.card.drive.monitor.pin_idle(20 * MS)
-    assert len(scene.card.modbus.monitor.frames()) == 1, "one answer, the second request's"
-    scene.finish()
-
-
-# ---------------------------------------------------------------- the drive
-
-
-@cocotb.test()
-async def bad_reply_is_ignored_and_the_reply_to_the_repeat_is_accepted(dut):
-    scene = await Scenario(dut).start()
-    await scene.set_register(2, REPLY_WAIT)
-    for number, fault in enumerate(BAD_REPLIES):
-        scene.card.slave.next(Manner(fault=fault))
-        exchange = process(0x047C, number)
-        await scene.write_control(0x047C, number, [exchange, exchange])
-        assert scene.card.slave.heard[-2].reply != scene.card.slave.heard[-1].reply or fault in ON_THE_LINE
-    scene.finish()
-
-
-@cocotb.test()
-async def text_longer_than_twenty_characters_is_received_in_full_and_cut(dut):
-    scene = await Scenario(dut).start()
-    await scene.set_register(0, 0x0400)
-    text = b"A TEXT OF TWENTY-NINE LETTERS"
-    reply = fc_telegram.build_text(621, text, ind=0x0400, pcd1=0x0F03, pcd2=0x2000)
-    answer = b"\x03\x14" + text[:20]
-    await scene.ask(rtu.read_registers(6209, 10), answer, [(fc_telegram.build_text_read(621), reply)])
-    # The process data after the text become the status image.
-    await scene.ask(rtu.read_coils(32, 32), bytes.fromhex("01 04 03 0F 00 20"))
-    # The largest answer has no byte of the text, whichever transaction's memory it is made in.
-    for reference in range(3):
-        await scene.write_control(0x047C, reference)
-        control = bytes.fromhex("7C 04") + bytes([reference, 0])
-        await scene.ask(
-            rtu.read_coils(0, 128), b"\x01\x10" + control + bytes.fromhex("07 06 00 00") + bytes(8)
-        )
-    scene.finish()
+# ---------------------------------------------------------------- the firmware's speed
 
 
 @cocotb.test()
@@ -267,16 +183,6 @@ async def back_to_back_broadcast_writes_all_take_effect(dut):
     scene.finish()
 
 
-OVERTAKEN = [
-    "reply_is_dropped_when_a_character_arrives_during_the_exchange_with_the_drive",
-    "only_the_newest_request_is_answered",
-]
-LINES = [
-    *OVERTAKEN,
-    "own_echo_on_both_lines_has_no_effect",
-    "bad_reply_is_ignored_and_the_reply_to_the_repeat_is_accepted",
-    "text_longer_than_twenty_characters_is_received_in_full_and_cut",
-]
 # Tests of the firmware's speed, at 115200 bit/s.
 QUICK = [
     "telegrams_wait_for_two_characters_of_silence_and_have_no_gaps",
@@ -306,24 +212,10 @@ def test_examples(sim, config):
     run_card(sim, config, ["every_example_is_right_byte_for_byte_on_both_lines"], LOWEST_HZ)
 
 
-@pytest.mark.nightly
-@pytest.mark.rule("FRAME-7", "LINE-6", "FC-6", "FC-7", "FC-8", "FC-9", "FC-10")
-def test_both_lines(sim, config):
-    run_card(sim, config, LINES)
-
-
 @pytest.mark.rule("FC-8", "FRAME-6", "MAP-9")
 def test_telegrams_leave_in_time():
     """The standard card; the tiny card runs this at its own clock in `test_own_clock`."""
     run_card("verilator", "standard", QUICK, 2 * SLOW_HZ["standard"])
-
-
-@pytest.mark.nightly
-@pytest.mark.rule("FRAME-3", "FRAME-7")
-def test_without_t15():
-    """On Verilator only: rtu_rx is tested on both. `make test` has it on the whole card in campaigns/fuzz."""
-    image = ROOT / "build" / folder_with(STRICT_T15=0) / "firmware.hex"
-    run_card("verilator", "standard", OVERTAKEN, FIRMWARE_HEX=str(image))
 
 
 @pytest.mark.nightly

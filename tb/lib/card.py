@@ -57,7 +57,6 @@ class CardBench:
         baud: int = 19200,
         form: str = "8N2",
         address: int = 1,
-        echo: bool = False,
     ):
         self.dut = dut
         self.clk_hz = clk_hz
@@ -67,12 +66,8 @@ class CardBench:
             sw_baud=switch_word(baud_switches(baud, form)),
             sw_addr=address,
         )
-        self.modbus = RecordedLine(
-            dut.modbus_rx, dut.modbus_tx, dut.modbus_de, Format.named(baud, form), echo
-        )
-        self.drive = RecordedLine(
-            dut.drive_rx, dut.drive_tx, dut.drive_de, Format.named(DRIVE_BAUD, "8E1"), echo
-        )
+        self.modbus = RecordedLine(dut.modbus_rx, dut.modbus_tx, dut.modbus_de, Format.named(baud, form))
+        self.drive = RecordedLine(dut.drive_rx, dut.drive_tx, dut.drive_de, Format.named(DRIVE_BAUD, "8E1"))
         tap_leds(dut)
         self.master = ModbusMaster(self.modbus)
         self.slave = FcSlave(self.drive, model or (lambda telegram: None))

@@ -273,16 +273,6 @@ class FastCard:
         """Present colour of an LED."""
         return self.shown[which][-1].colour
 
-    def run_until_led(self, which: str, shows: str, limit_ms: float) -> int:
-        """Runs until an LED changes to a colour; returns the time of the change."""
-        limit = self.now_ps + limit_ms * MS
-        pins = (f"led_{which}_red", f"led_{which}_green")
-        while self.run_until(limit, *pins):
-            last = self.shown[which][-1]
-            if last.colour == shows and last.since_ps >= self.now_ps - self.period_ps:
-                return last.since_ps
-        raise AssertionError(f"{which} LED did not change to {shows} in {limit_ms} ms")
-
     def request(self, adu: bytes, timeout_ms: float = 100) -> Frame | None:
         """Sends a request; returns the answer, or None after the time-out."""
         end = self.modbus.send(adu, 1.05 * rtu.t35_ps(self.modbus.fmt.baud))

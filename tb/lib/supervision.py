@@ -23,7 +23,6 @@ from tb.model import fc_telegram
 BITE_MS = 100  # WDG-1
 STATUS, FREQUENCY = 0x0607, 0x0000
 JUMP_TO_ITSELF = 0x0000006F
-ILLEGAL = 0x00000000
 WHOLE_WORDS = 512  # a bank of the memory with more words than this is four byte lanes (rtl/firmware_ram.v)
 BITE_STEP = 256  # clocks; a restarted program takes longer to reach main()
 
