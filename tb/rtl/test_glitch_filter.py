@@ -6,20 +6,8 @@ import pytest
 
 from tb.lib.bench import Bench
 from tb.lib.runner import run
-from tb.lib.seeds import seeded
 
 QUARTER = 4  # ticks of 1/16 bit
-
-
-class Model:
-    """Model of the filter: the majority of the last nine ticks."""
-
-    def __init__(self):
-        self.last = [1] * 9
-
-    def tick(self, raw: int) -> int:
-        self.last = [*self.last[1:], raw]
-        return int(sum(self.last) >= 5)
 
 
 async def ready(dut) -> Bench:
@@ -62,15 +50,6 @@ async def filter_holds_without_a_tick(dut):
     bench = await ready(dut)
     dut.tick16.value = 0
     assert set(await filtered(dut, bench, [0] * 30)) == {1}
-
-
-@cocotb.test()
-async def random_levels_agree_with_the_model(dut):
-    rng = seeded("levels")
-    bench, model = await ready(dut), Model()
-    for _ in range(150):
-        levels = [rng.randint(0, 1)] * rng.randint(1, 9)
-        assert await filtered(dut, bench, levels) == [model.tick(level) for level in levels]
 
 
 @pytest.mark.rule("LINE-5", "LINE-6", "FC-10")
