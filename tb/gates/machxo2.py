@@ -19,8 +19,8 @@ from constraints import flow, image
 from constraints.boards import Board, ports, vector, whole_ports
 from constraints.flow import place_and_route
 from rtl.sources import ROOT
+from tb.gates.netlists import block_ram
 
-MODEL = ROOT / "tb/gates/DP8KC.v"
 BEL = re.compile(r"X(\d+)/Y(\d+)/SLICE([A-D])\.(K|FF)([01])")
 FUSES = re.compile(r"^L000000\n([01\n]+)\*", re.MULTILINE)
 TILE = re.compile(r"^\.tile (R\d+C\d+):PLC\n((?:.+\n)*)", re.MULTILINE)
@@ -230,4 +230,4 @@ def verilog(entry: Board, bitstream: Path) -> str:
             joined += f"  assign n{bit} = {pin};\n" if way == "input" else f"  assign {pin} = n{bit};\n"
     header = ", ".join(f"{way} wire {vector(port, ways)}" for port, way in whole_ports(ways).items())
     text = f"module {entry.top} ({header});\n{declared}{''.join(writer.lines)}{joined}endmodule\n"
-    return text + MODEL.read_text()
+    return text + block_ram()

