@@ -238,10 +238,6 @@ diagrams: firmware | setup-test ## timing diagrams from runs of the card: build/
 symptoms: firmware | setup-test ## the recordings of the debugging guide, from runs of the card
 	@$(RUN) tools.symptoms
 
-pictures: | setup-test ## the pictures of the pages and docs/switches.html, from the tables of the pages (4 s)
-	@$(RUN) tools.pictures
-	@$(RUN) tools.panel_picture
-
 docs: | setup-docs ## the documentation site, readable offline: build/docs-site/index.html (3 s; pictures: make diagrams)
 	@$(RUN) tools.site.build
 

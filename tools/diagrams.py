@@ -24,8 +24,7 @@ from itertools import pairwise
 from pathlib import Path
 
 import matplotlib
-from fontTools.afmLib import AFM
-from fontTools.agl import UV2AGL
+from fontTools.ttLib import TTFont
 from wavedrom.waveform import WaveDrom
 
 from regs.generated.card_tables import CHARACTER_BITS
@@ -39,7 +38,6 @@ from tb.lib.card import MS, baud_switches
 from tb.lib.fast_card import SHOWN_SEED, SLOW_HZ, FastCard
 from tb.model import fc_telegram
 from tb.model.vlt_drive import VltDrive
-from tools.svg import font
 
 DIAGRAMS = ROOT / "build/diagrams"
 # A white picture glares on a dark page. `svg:root` leaves the page alone into which a picture is copied.
@@ -190,7 +188,7 @@ class Drawing:
 # ---------------------------------------------------------------- WaveDrom
 
 STYLE = """
-text{{font-family:Helvetica,Arial,"Liberation Sans","Nimbus Sans",sans-serif}}
+text{{font-family:"DejaVu Sans",Verdana,sans-serif}}
 text{{font-size:{label_px}px;fill:#111}}
 text[fill],.info{{font-size:{name_px}px}}
 .info,.label{{fill:#0b3d91}}
@@ -204,28 +202,22 @@ PRESERVE = "{http://www.w3.org/XML/1998/namespace}space"
 
 
 @cache
-def helvetica() -> AFM:
-    return AFM(str(Path(matplotlib.get_data_path()) / "fonts/pdfcorefonts/Helvetica.afm"))
-
-
-def text_px(text: str, size: float = LABEL_PX) -> float:
-    return sum(helvetica()[UV2AGL[ord(letter)]][1] for letter in text) * size / 1000
+def dejavu() -> tuple[dict, dict, int]:
+    face = TTFont(Path(matplotlib.get_data_path()) / "fonts/ttf/DejaVuSans.ttf")
+    return face.getBestCmap(), face["hmtx"].metrics, face["head"].unitsPerEm
 
 
 def wide_px(text: str, size: float = LABEL_PX) -> float:
-    """The width in DejaVu Sans, the font of viewers without Helvetica. librsvg ignores textLength."""
-    glyphs, widths, em = font(False)
+    """The width in DejaVu Sans, and in Verdana."""
+    glyphs, widths, em = dejavu()
     return sum(widths[glyphs[ord(letter)]][0] for letter in text) * size / em
 
 
 def fitted(text: str, room: float, size: float = LABEL_PX) -> dict[str, str]:
-    """Attributes that keep a text in its room, in Helvetica and in DejaVu Sans: a smaller size if needed.
-
-    The width is fixed, because a viewer without Helvetica uses another font.
-    """
+    """Attributes that keep a text in its room: its width in every font, and a smaller size if needed."""
     share = min(1.0, room / wide_px(text, size))
     style = {"style": f"font-size:{share * size:.1f}px"} if share < 1 else {}
-    return style | {"textLength": f"{text_px(text, share * size):.1f}", "lengthAdjust": "spacingAndGlyphs"}
+    return style | {"textLength": f"{wide_px(text, share * size):.1f}", "lengthAdjust": "spacingAndGlyphs"}
 
 
 class Renderer(WaveDrom):
@@ -250,7 +242,7 @@ class Renderer(WaveDrom):
         for (at, to), text in zip(blocks, texts or [], strict=True):
             inside = at + ("m" in bricks[at])
             room = (to - inside) * BRICK
-            if text_px(text) > 1.1 * room:
+            if wide_px(text) > 1.3 * room:
                 continue
             said = self.element.text(
                 text, x=[inside * BRICK + room / 2], y=[self.lane.ym], text_anchor="middle"

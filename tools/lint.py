@@ -39,7 +39,7 @@ LAYERS = (
     ("sw.rtu2fc", "sw.conformance"),
     ("tb.agents",),
 )
-GENERATORS = ("regs.regs", "constraints.boards", "tools.handbook", "tools.pictures")
+GENERATORS = ("regs.regs", "constraints.boards", "tools.handbook")
 UNFINISHED = re.compile(r"\b(TODO|FIXME|XXX|HACK)\b")
 SKIPPED = re.compile(r"\b(skipif|xfail|mark\.skip|pytest\.skip|cocotb\.skip)\b|\bskip=True")
 SOMEWHERE = re.compile(r"(?<![\w.-])/(home|root|tmp|work)/\w")
