@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """The boards: rows of constraints/boards.toml, pin files, and the checks between them.
 
-python -m constraints.boards            writes the pin tables, docs/reference/pins.md, and build/boards
+python -m constraints.boards            writes the pin table, docs/reference/pins.md, and build/boards
 python -m constraints.boards --check    exit 1 if the tables differ, or a board is half-made
 """
 
@@ -433,17 +433,15 @@ def misplaced(entry: Board, pins: list[Pin]) -> list[str]:
     ]
 
 
-def wired(entry: Board, pin: Pin) -> str:
-    """The other end of a port, with its place on the board if the pin file gives it."""
-    name, _, number = pin.port.partition("[")
+def wired(entry: Board, port: str) -> str:
+    """The other end of a port."""
+    name, _, number = port.partition("[")
     low = name.endswith("_n")
     rail, level = ("ground", "low") if low else ("3.3 V", "high")
     if name in entry.held:
-        said = f"held {('low', 'high')[entry.held[name]]}"
-    else:
-        said = WIRED.get(name) or WIRED[name.removesuffix("_n")]
-    said = said.format(n=number.rstrip("]"), rail=rail, level=level)
-    return said + (f"; {pin.remark}" if pin.remark else "")
+        return f"held {('low', 'high')[entry.held[name]]}"
+    said = WIRED.get(name) or WIRED[name.removesuffix("_n")]
+    return said.format(n=number.rstrip("]"), rail=rail, level=level)
 
 
 def problems(entry: Board) -> list[str]:
@@ -496,36 +494,49 @@ def unfinished(entry: Board) -> list[str]:
 # ---------------------------------------------------------------- docs/reference/pins.md
 
 
-def pin_row(entry: Board, pin: Pin, direction: str) -> str:
-    has = pin.attributes
-    standard = has.get("IO_TYPE", "LVCMOS, 3.3 V bank")
-    drive = f"{has.get('DRIVE')} mA, {has.get('SLEWRATE', '').lower()}"
-    cells = [
-        pin.site,
-        f"`{pin.port}`",
-        {"input": "in", "output": "out"}[direction],
-        standard,
-        {"UP": "up"}.get(has.get("PULLMODE", ""), "none"),
-        "" if direction == "input" else drive if entry.family in STRENGTHS else "fixed",
-        wired(entry, pin),
-    ]
-    return f"| {' | '.join(cells)} |"
+def strength(entry: Board, pin: Pin) -> str:
+    """Of an output."""
+    if entry.family not in STRENGTHS:
+        return "fixed"
+    return f"{pin.attributes.get('DRIVE')} mA, {pin.attributes.get('SLEWRATE', '').lower()}"
 
 
-def pin_tables() -> str:
-    text = """<!-- site: 740 Reference -->
+def pin_table() -> str:
+    """A row for each port, a column for each board."""
+    columns = list(boards().values())
+    rows = {
+        "part": [entry.part for entry in columns],
+        "pin file": [f"`{shown(entry.pin_file)}`" for entry in columns],
+        "outputs": [],
+    }
+    for number, entry in enumerate(columns):
+        ways = ports(entry.wrapper)
+        strengths = [strength(entry, pin) for pin in entry.pins() if ways[pin.port] == "output"]
+        usual = max(strengths, key=strengths.count)
+        rows["outputs"].append(usual)
+        for pin in entry.pins():
+            cell = pin.site + (f" ({pin.remark})" if pin.remark else "")
+            if pin.attributes.get("IO_TYPE") == STANDARD_1V8:
+                cell += ", 1.8 V"
+            if ways[pin.port] == "output" and (own := strength(entry, pin)) != usual:
+                cell += f", {own}"
+            row = rows.setdefault(f"`{pin.port}`: {wired(entry, pin.port)}", [""] * len(columns))
+            row[number] = cell
+    heads = ["port", *(f"`{entry.name}`" for entry in columns)]
+    lines = [heads, ["---"] * len(heads), *([name, *row] for name, row in rows.items())]
+    return "\n".join(f"| {' | '.join(line)} |" for line in lines)
+
+
+def pin_page() -> str:
+    return f"""<!-- site: 740 Reference -->
 # Pins
 
-Written by `make pins` from the pin files in `constraints/`. *Pull* is inside the part. *Drive* is strength
-and slope of an output, fixed on iCE40. The circuit around the pins is in
-[hardware.md](../guide/hardware.md).
+Written by `make pins` from the pin files in `constraints/`. Each input has a pull-up inside the part, but
+`clk` and a switch to the supply. Pins are LVCMOS33, those with *1.8 V* LVCMOS18. *Outputs* are strength and
+slope, fixed on iCE40. The circuit around the pins is in [hardware.md](../guide/hardware.md).
+
+{pin_table()}
 """
-    for entry in boards().values():
-        ways = ports(entry.wrapper)
-        text += f"\n## {entry.name}\n\n{entry.part}, `{entry.pin_file.relative_to(ROOT)}`.\n\n"
-        text += "| pin | port | way | standard | pull | drive | wired to |\n|---|---|---|---|---|---|---|\n"
-        text += "".join(pin_row(entry, pin, ways[pin.port]) + "\n" for pin in entry.pins())
-    return text
 
 
 def uses() -> str:
@@ -560,9 +571,9 @@ def main() -> int:
             f"{shown(path)} has no row in boards.toml" for path in pin_files if path.stem not in boards()
         ]
     if not wrong and not args.check:
-        DOCS.write_text(pin_tables())
+        DOCS.write_text(pin_page())
         print(f"wrote {DOCS.relative_to(ROOT)}: {len(boards())} boards")
-    elif not wrong and (not DOCS.exists() or DOCS.read_text() != pin_tables()):
+    elif not wrong and (not DOCS.exists() or DOCS.read_text() != pin_page()):
         wrong = [f"{DOCS.relative_to(ROOT)} is not what the pin files say; run `make pins`"]
     for line in wrong:
         print(line, file=sys.stderr)
