@@ -327,34 +327,27 @@ def telegram_words(telegram: bytes) -> str:
 
 def exchange_lines(one: Played) -> list[str]:
     """One request with all frames that follow, as a block of text."""
-    rows: list[tuple[str, str]] = []
-
-    def frame(label: str, data: bytes, meaning: str) -> None:
-        rows.extend([(label, spaced(data)), ("", meaning)])
-
-    frame("request", one.request, request_words(one.request))
+    rows = [("request", f"{spaced(one.request)}   {request_words(one.request)}")]
     for telegram, answer in one.drive:
-        frame("telegram", telegram, telegram_words(telegram))
+        rows.append(("telegram", f"{spaced(telegram)}   {telegram_words(telegram)}"))
         if answer is not None:
-            frame("drive", answer, fc_telegram.describe(answer, reply=True))
+            rows.append(("drive", f"{spaced(answer)}   {fc_telegram.describe(answer, reply=True)}"))
         elif not one.step.to_all:
             rows.append(("drive", "no reply"))
     if one.reply is None:
         rows.append(("reply", "none"))
     else:
-        frame("reply", one.reply, reply_words(one.reply))
+        meaning = reply_words(one.reply)
         if one.step.pdu == STATE.pdu:
             status, frequency = (int.from_bytes(one.reply[at : at + 2], "little") for at in (3, 5))
-            rows.append(("", fc_telegram.describe_status(status, frequency)))
+            meaning += f"; {fc_telegram.describe_status(status, frequency)}"
+        mbpoll = " ".join(mbpoll_call(one.request))
         rows += [
-            ("pymodbus", pymodbus_call(one.request)),
-            ("", f"→ {pymodbus_shows(one.request, one.reply)}"),
+            ("reply", f"{spaced(one.reply)}   {meaning}"),
+            ("pymodbus", f"{pymodbus_call(one.request)} → {pymodbus_shows(one.request, one.reply)}"),
+            ("mbpoll", f"{mbpoll} → {mbpoll_shows(one.request, one.reply)}"),
         ]
-        rows += [
-            ("mbpoll", " ".join(mbpoll_call(one.request))),
-            ("", f"→ {mbpoll_shows(one.request, one.reply)}"),
-        ]
-    return [f"{label:<9} {text}".rstrip() for label, text in rows]
+    return [f"{label:<9} {text}" for label, text in rows]
 
 
 def example_list() -> str:

@@ -280,7 +280,7 @@ class Recorder:
 
 
 def test_the_calls_of_pymodbus_make_the_requests():
-    shown = re.findall(r"^pymodbus  (.*)$", (PAGES / "examples.md").read_text(), re.MULTILINE)
+    shown = re.findall(r"^pymodbus  (.*) → ", (PAGES / "examples.md").read_text(), re.MULTILINE)
     played = (one for example in handbook_examples.EXAMPLES for one in handbook_examples.play(example))
     for text, request in zip(shown, (one.request for one in played if one.reply is not None), strict=True):
         called = eval(text, {"client": Recorder(), "bool": bool, "range": range})
