@@ -241,9 +241,6 @@ symptoms: firmware | setup-test ## the recordings of the debugging guide, from r
 docs: | setup-docs ## the documentation site, readable offline: build/docs-site/index.html (3 s; pictures: make diagrams)
 	@$(RUN) tools.site.build
 
-datasheet: | setup-pages ## the data sheet from docs/evidence.json: build/datasheet, HTML and PDF (3 s)
-	@$(RUN) tools.datasheet
-
 # The description of a program of campaigns/ begins with what it does, and "; `make NAME`.": it is that command. Each
 # variable of the command line is an option of it: COUNT=5 as --count "5". Its line `# needs: card | setup-test` has
 # other prerequisites than these.
@@ -267,7 +264,7 @@ $(foreach each,$(CAMPAIGNS),$(eval $(call campaign,$(word 1,$(subst =, ,$(each))
 	3,$(subst =, ,$(each))))))
 
 ##@ Workshop
-release: diagrams | setup-synth setup-pages setup-docs ## all files of a release: build/dist (DRAFT=1, BOARD=name, CHECK=1)
+release: diagrams | setup-synth setup-docs ## all files of a release: build/dist (DRAFT=1, BOARD=name, CHECK=1)
 	@$(RUN) tools.release $(if $(TAG),--tag "$(TAG)") $(if $(DRAFT),--draft) $(if $(BOARD),--board $(BOARD)) $(if $(CHECK),--check)
 
 digests: | setup-test ## SHA-256 of images and designs: tools/digests.txt (CHECK=1: compare; BOARD=name or all: designs too)

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Headless Chromium: runs scripts in pages, returns their results and console messages; prints pages."""
+"""Headless Chromium: runs scripts in pages, returns their results and console messages."""
 
 from __future__ import annotations
 
@@ -36,41 +36,26 @@ class Seen:
     console: list[str]
 
 
-def opened(page: str, folder: Path, *options: str) -> subprocess.CompletedProcess:
-    """Chromium with a page, which it reads from a file of `folder`."""
+def evaluate(page: str, script: str, folder: Path, width: int = 1200, options: tuple[str, ...] = ()) -> Seen:
+    """Opens a page, as a file of `folder`, and runs a script in it; `found` is what the script returns.
+
+    The script may `await`; then `options` need `--virtual-time-budget`, or Chromium does not wait for it.
+    """
     browser = shutil.which("chromium")
     if browser is None:
         raise Missing("chromium is missing; run `make setup-pages` (Debian package chromium)")
     file = folder / "page.html"
-    file.write_text(page)
-    command = [browser, *OPTIONS, f"--user-data-dir={folder / 'profile'}", *options, file.as_uri()]
-    return subprocess.run(command, capture_output=True, text=True, timeout=120, check=True)
-
-
-def evaluate(page: str, script: str, folder: Path, width: int = 1200, options: tuple[str, ...] = ()) -> Seen:
-    """Opens a page and runs a script in it; `found` is what the script returns.
-
-    The script may `await`; then `options` need `--virtual-time-budget`, or Chromium does not wait for it.
-    """
-    run = opened(
+    file.write_text(
         f"{page}\n<script>addEventListener('load', async () => {{\n"
         f"const found = await (async () => {{ {script} }})();\n"
         "const pre = document.createElement('pre');\n"
         "pre.id = 'found'; pre.textContent = JSON.stringify(found); document.body.append(pre);\n"
-        "});</script>\n",
-        folder,
-        *options,
-        f"--window-size={width},900",
-        "--dump-dom",
+        "});</script>\n"
     )
+    command = [browser, *OPTIONS, f"--user-data-dir={folder / 'profile'}", *options]
+    command += [f"--window-size={width},900", "--dump-dom", file.as_uri()]
+    run = subprocess.run(command, capture_output=True, text=True, timeout=120, check=True)
     found = FOUND.search(run.stdout)
     console = CONSOLE.findall(run.stderr)
     assert found, f"the page's script did not end: {console}"
     return Seen(json.loads(html.unescape(found[1])), console)
-
-
-def print_pdf(page: str, folder: Path) -> bytes:
-    """The page printed, on the paper that its style names."""
-    output = folder / "page.pdf"
-    opened(page, folder, "--no-pdf-header-footer", f"--print-to-pdf={output}")
-    return output.read_bytes()

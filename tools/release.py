@@ -9,13 +9,13 @@
 3. `make digests BOARD=all`; a release with other bytes is refused.
 4. In CHANGELOG.md give the version's section its date. Nothing stays below [Unreleased].
 5. Commit; `make lint` and `make nightly` must pass on that commit.
-6. `make release`, then `make release CHECK=1`. Read data sheet, report and site of build/dist.
+6. `make release`, then `make release CHECK=1`. Read the site of build/dist with its data sheet and reports.
 7. `git tag -a v1.2.3 -m "rtu2fc 1.2.3"`, and push it: .github/workflows/release.yml repeats 5 and 6. Publish
    the files if its SHA256SUMS is yours. Equal bytes need equal tools, which the list of contents names.
 
 Bitstreams of every board, of both kinds, with every firmware image that fits it, the images, the Python
-packages, data sheet, site of the documentation, a list of contents and SHA256SUMS. Finished designs
-are taken as they are (build/synth); a missing or older one is placed and routed first.
+packages, site of the documentation, a list of contents and SHA256SUMS. Finished designs are taken as they are
+(build/synth); a missing or older one is placed and routed first.
 
 A release is refused, one line a reason: its figures are of another card, a test has not passed on its commit,
 files are not committed, CHANGELOG.md has no section of its version, or `--tag` is not its tag. A draft is
@@ -40,7 +40,7 @@ from constraints import flow, image
 from constraints.boards import Board, board
 from rtl.command import STOPPED, VERSION, Parser, run_main
 from rtl.sources import ROOT, SourcesError, commit
-from tools import datasheet, digests, evidence, trace, wheels
+from tools import digests, evidence, trace, wheels
 from tools.digests import Image, both_kinds, cross_compiler, design, digest, firmware, first_line
 from tools.site import build as site
 
@@ -66,7 +66,6 @@ ERRORS = (
     SourcesError,
     flow.SynthError,
     image.ImageError,
-    datasheet.DatasheetError,
 )
 ERRORS += (wheels.WheelError, ImportError, OSError)
 
@@ -135,7 +134,6 @@ class Dist:
             f"commit {commit() or 'unknown'}",
             f"card {fingerprint.card()}, tiny card {fingerprint.card('tiny')}",
             f"compiler {first_line(cross_compiler(), '--version')}",
-            f"printer {first_line('chromium', '--version')}",
             *(f"tool {tool}" for tool in flow.tool_versions()),
             "",
             *(f"{name}  {text}" for name, text in self.described.items()),
@@ -201,10 +199,6 @@ def archive(folder: Path, top: str) -> bytes:
 
 
 def add_documents(dist: Dist) -> None:
-    page = datasheet.page()
-    dist.add("datasheet", ".html", page.encode(), "data sheet")
-    with tempfile.TemporaryDirectory() as folder:
-        dist.add("datasheet", ".pdf", datasheet.pdf(page, Path(folder)), "data sheet, two pages")
     with tempfile.TemporaryDirectory() as folder:
         if wrong := site.build(Path(folder) / "site"):
             raise ReleaseError(f"docs: {wrong[0]}")

@@ -1,77 +1,65 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The data sheet: the figures of docs/evidence.json, on two pages, with the same bytes in each run."""
+"""docs/reference/datasheet.md: ports, parameters and configurations of the card, images of a release."""
 
 from __future__ import annotations
 
-import json
 import re
-import time
 
 import pytest
 
-from constraints.boards import boards
-from rtl import report_page
-from rtl.sources import ROOT
-from tools import datasheet
-from tools.datasheet import DatasheetError
+from constraints.boards import CARD, CARD_PARAMETER, PORT, boards
+from constraints.image import result_suffix
+from rtl.sources import ROOT, configurations, without_comments
+from tools import release
 
-pytestmark = pytest.mark.nightly("pages")
-
-
-@pytest.fixture
-def change(written):
-    """Writes a copy of docs/evidence.json with another text in it."""
-    text = (ROOT / "docs/evidence.json").read_text()
-    report_page.EVIDENCE.write_text(text)
-
-    def changed(was: str, now: str) -> None:
-        assert was in text
-        report_page.EVIDENCE.write_text(text.replace(was, now, 1))
-
-    return changed
+PAGE = (ROOT / "docs/reference/datasheet.md").read_text()
 
 
-def test_everything_is_named():
-    page = datasheet.page()
-    top = (ROOT / "rtl/rtu2fc.v").read_text().split(");", 1)[0]
-    for name in re.findall(r"^ +(?:parameter|input|output)\b.*?(\w+)(?: =.*)?,?$", top, re.MULTILINE):
-        assert re.search(rf"<code>{name}(\[\d:\d\])?</code>", page), name
+def rows(head: str) -> list[list[str]]:
+    """The cells of the table that begins with this head."""
+    (table,) = re.findall(rf"^\| {head}.*\n\|-.*\n((?:\|.*\n)+)", PAGE, re.MULTILINE)
+    return [[cell.strip() for cell in line.strip("|").split("|")] for line in table.splitlines()]
+
+
+def test_ports_and_parameters_are_those_of_the_card():
+    code = without_comments(CARD)
+    bits = {name: f"{name}[{high}:{low}]" if high else name for _, high, low, name in PORT.findall(code)}
+    ways = {bits[name]: way.removesuffix("put") for way, _, _, name in PORT.findall(code)}
+    shown = {name: way for ports, way, _ in rows("port") for name in re.findall("`(.+?)`", ports)}
+    assert shown == ways and len(ways) == 14
+    defaults = dict(re.findall(r"^ *parameter (\w+) = (.+?),? *$", code, re.MULTILINE))
+    for name, value, meaning in rows("parameter"):
+        said = defaults.pop(name.strip("`")).strip('"')
+        assert value.strip("`") == ("configuration" if said.startswith("`CONFIG") else said) and meaning
+    assert not defaults and len(CARD_PARAMETER.findall(code)) == len(rows("parameter"))
+
+
+def test_configurations_are_those_of_the_table():
+    shown = {name.strip("`"): (core.split(",")[0].lower(), *cells) for name, core, *cells in rows("config")}
+    assert shown == {
+        name: (
+            entry["soft_core"],
+            f"{entry['clk_hz'] / 1e6:g} MHz",
+            f"{entry['memory_bytes'] // 1024} KiB",
+            f"{entry['boot_ms']} ms",
+        )
+        for name, entry in configurations().items()
+    }
+
+
+@pytest.mark.nightly
+def test_the_images_are_those_of_a_release():
+    """No image with MASTER_LOSS_STOP alone, which does nothing in these designs."""
+    made = release.firmware()
+    listed = {board: row for row in rows("BOARD") for board in re.findall("`(.+?)`", row[0])}
+    assert listed.keys() == boards().keys()
+    dialects = ("card", "builtin", "hvac-basic")
     for name, entry in boards().items():
-        assert page.count(f"<code>{name}</code>") == 2 and page.count(entry.part) == 2
-    assert page.count("not published") > 5
-    assert not re.search(r"\{\w+\}|https?:", page)
-
-
-@pytest.mark.parametrize(
-    ("report", "heading", "row"),
-    [
-        ("bench", "The targets", "local request"),
-        ("bench", "Turnaround, rate by rate", "19200"),
-        ("synthesis", "", "`icebreaker`"),
-        ("line-quality", "", "sender slow"),
-    ],
-)
-def test_figures_are_those_of_the_evidence(change, report, heading, row):
-    cells = next(
-        cells for cells in report_page.evidence()[report]["tables"][heading] if cells[0].startswith(row)
-    )
-    assert "98.765" not in datasheet.page()
-    change(
-        json.dumps(cells, ensure_ascii=False),
-        json.dumps([cells[0], *["98.765"] * (len(cells) - 1)], ensure_ascii=False),
-    )
-    assert "98.765" in datasheet.page()
-
-
-def test_two_pages_and_the_same_bytes_at_another_time(tmp_path):
-    """pdf() refuses another number of pages."""
-    page = datasheet.page()
-    printed = []
-    for name in ("one", "two"):
-        (tmp_path / name).mkdir()
-        printed.append(datasheet.pdf(page, tmp_path / name))
-        time.sleep(1.1)
-    assert printed[0] == printed[1] and printed[0].startswith(b"%PDF-")
-    end = "</section>\n</body>"
-    with pytest.raises(DatasheetError, match="the PDF has 3 pages, 2 are right"):
-        datasheet.pdf(page.replace(end, f"<p style='height: 20cm'></p>{end}"), tmp_path)
+        _, suffix, firmware = listed[name]
+        firmware = listed["icebreaker"][2] if firmware.startswith("as for") else firmware
+        named = re.findall("`(.+?)`", firmware)
+        ends = ["", *(end for end in named if end.startswith("-"))]
+        wanted = {one + end for one in (dialects if len(named) > 1 else ("card",)) for end in ends}
+        wanted |= {one for one in named if "-" in one[1:] and not one.startswith("-")}
+        assert {image.name for image in release.fitting(entry, made)} == wanted
+        assert suffix == f"`{result_suffix(entry)}`"

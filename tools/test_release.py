@@ -3,7 +3,6 @@
 
 from __future__ import annotations
 
-import re
 import shutil
 import subprocess
 import sys
@@ -12,7 +11,7 @@ import pytest
 
 from constraints.boards import boards
 from rtl.command import VERSION
-from tools import datasheet, evidence, release, trace
+from tools import evidence, release, trace
 from tools.trace import Result
 
 NUMBER = VERSION.read_text().strip()
@@ -98,19 +97,6 @@ def test_the_tag_is_that_of_the_version(releasable, monkeypatch, capsys):
     assert started(monkeypatch, "--tag", "v9.9.9") == 1
     assert f"the tag is v9.9.9, but VERSION says v{NUMBER}" in capsys.readouterr().err
     assert started(monkeypatch, "--tag", f"v{NUMBER}") == 0 and len(releasable) == 1
-
-
-@pytest.mark.nightly
-def test_the_data_sheet_offers_what_a_release_has():
-    """No image with MASTER_LOSS_STOP alone, which does nothing in these designs."""
-    rows = re.findall(r"<tr><td><code>([\w-]+)</code></td>.*?<td>([\w, -]+)</td></tr>", datasheet.images())
-    offered = {name: sorted(images.split(", ")) for name, images in rows}
-    images = release.firmware()
-    assert offered == {
-        name: sorted(image.name for image in release.fitting(entry, images))
-        for name, entry in boards().items()
-    }
-    assert not [name for names in offered.values() for name in names if "stop" in name]
 
 
 @pytest.fixture

@@ -81,6 +81,12 @@ def test_a_table_of_the_evidence_stands_in_a_guide():
     assert "Measured by `make bench" in text
 
 
+def test_every_table_that_a_page_names_is_in_the_evidence():
+    named = {found.groups() for page in hooks.PAGES for found in hooks.EVIDENCE.finditer(page.read_text())}
+    assert len(named) > 5
+    assert [place for place in named if place[1] not in evidence()[place[0]]["tables"]] == []
+
+
 def test_the_list_of_reports_has_a_summary_of_each():
     page = hooks.filled(hooks.REPORT_LIST.read_text())
     for name, entry in evidence().items():
