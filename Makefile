@@ -98,8 +98,8 @@ DESCRIBED = /^""".*; `make [a-z-]+`\.("""|$$)/
 #:                 connected; BOOT=yes, ROW=text, START=percent: docs/guide/bring-up.md (selftest)
 #:   EXTENDED_SWITCHES=1   38400 and 115200 bit/s and 8N1 (card); BOARD=name-extended likewise (synth, image, release)
 #:   CARD_ARGS=...   more options of build/card (run); ONLY=kind, FAST=yes: a part (bench)
-#:   DRAFT=1       a development build: files named -draft; BOARD=name: with this board alone; CHECK=1: build again
-#:                 and compare; TAG=v1.2.3: refused unless it is that of VERSION (release)
+#:   DRAFT=1       a development build: files named -draft; BOARD=name: with this board alone; TAG=v1.2.3: refused
+#:                 unless it is that of VERSION (release)
 #:   CHANNEL=name, INVERT=yes   the drive line's (telegrams); TELEGRAMS_ARGS=...   more options of rtu2fc decode
 #:   V=1           show the commands
 
@@ -264,8 +264,8 @@ $(foreach each,$(CAMPAIGNS),$(eval $(call campaign,$(word 1,$(subst =, ,$(each))
 	3,$(subst =, ,$(each))))))
 
 ##@ Workshop
-release: diagrams | setup-synth setup-docs ## all files of a release: build/dist (DRAFT=1, BOARD=name, CHECK=1)
-	@$(RUN) tools.release $(if $(TAG),--tag "$(TAG)") $(if $(DRAFT),--draft) $(if $(BOARD),--board $(BOARD)) $(if $(CHECK),--check)
+release: diagrams | setup-synth setup-docs ## all files of a release: build/dist (DRAFT=1, BOARD=name)
+	@$(RUN) tools.release $(if $(TAG),--tag "$(TAG)") $(if $(DRAFT),--draft) $(if $(BOARD),--board $(BOARD))
 
 digests: | setup-test ## SHA-256 of images and designs: tools/digests.txt (CHECK=1: compare; BOARD=name or all: designs too)
 	@$(if $(BOARD),tools/setup.sh synth)

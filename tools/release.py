@@ -2,16 +2,16 @@
 """Builds everything that a release has, into build/dist: the same bytes in each run.
 
     python -m tools.release [--tag v1.2.3] [--draft] [--board NAME ...]   default: every board
-    python -m tools.release --check [the same options]     builds it again elsewhere and compares
 
 1. Change VERSION and run `make regs`, before the measurements: images with function 11 contain the number.
 2. `make evidence` renews each report of an older card, in two hours.
 3. `make digests BOARD=all`; a release with other bytes is refused.
 4. In CHANGELOG.md give the version's section its date. Nothing stays below [Unreleased].
 5. Commit; `make lint` and `make nightly` must pass on that commit.
-6. `make release`, then `make release CHECK=1`. Read the site of build/dist with its data sheet and reports.
-7. `git tag -a v1.2.3 -m "rtu2fc 1.2.3"`, and push it: .github/workflows/release.yml repeats 5 and 6. Publish
-   the files if its SHA256SUMS is yours. Equal bytes need equal tools, which the list of contents names.
+6. `make release`. Read the site of build/dist with its data sheet and reports.
+7. `git tag -a v1.2.3 -m "rtu2fc 1.2.3"`, and push it: .github/workflows/release.yml repeats 5 and 6
+   elsewhere. Publish the files if its SHA256SUMS is yours. Equal bytes need equal tools, which the list of
+   contents names.
 
 Bitstreams of every board, of both kinds, with every firmware image that fits it, the images, the Python
 packages, site of the documentation, a list of contents and SHA256SUMS. Finished designs are taken as they are
@@ -19,38 +19,33 @@ packages, site of the documentation, a list of contents and SHA256SUMS. Finished
 
 A release is refused, one line a reason: its figures are of another card, a test has not passed on its commit,
 files are not committed, CHANGELOG.md has no section of its version, or `--tag` is not its tag. A draft is
-never refused: each of its files is named -draft. `--board` makes a draft only. Exit 1: refused, or `--check`
-found other bytes; 2: something could not be built.
+never refused: each of its files is named -draft. `--board` makes a draft only. Exit 1: refused; 2: something
+could not be built.
 """
 
 from __future__ import annotations
 
 import re
 import shutil
-import subprocess
 import sys
 import tempfile
 import zipfile
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterator
 from dataclasses import dataclass, field
 from pathlib import Path
 
 from campaigns.bench import fingerprint
 from constraints import flow, image
 from constraints.boards import Board, board
-from rtl.command import STOPPED, VERSION, Parser, run_main
+from rtl.command import VERSION, Parser, run_main
 from rtl.sources import ROOT, SourcesError, commit
 from tools import digests, evidence, trace, wheels
 from tools.digests import Image, both_kinds, cross_compiler, design, digest, firmware, first_line
 from tools.site import build as site
 
 DIST = ROOT / "build/dist"
-# The second build, at another place: no byte may depend on the path.
-AGAIN = ROOT / "build/release-check"
 SUMS = "SHA256SUMS"
 CHANGELOG = ROOT / "CHANGELOG.md"
-# Folders of build/ that the site shows; their commands have written them before.
-SHOWN = ("reports", "pictures", "diagrams")
 # The date of every file in the archive, the first that zip knows.
 ZIP_DATE = (1980, 1, 1, 0, 0, 0)
 ZIP_MODE = 0o100644 << 16
@@ -237,94 +232,21 @@ def build(draft: bool, chosen: list[Board], version: str) -> None:
     print(f"{DIST.relative_to(ROOT)}: {count} files; {sums_name(draft)} has the SHA-256 of each")
 
 
-# ---------------------------------------------------------------- the second build
-
-
-def read_sums(path: Path) -> dict[str, str]:
-    return {name: value for value, name in (line.split("  ", 1) for line in path.read_text().splitlines())}
-
-
-def copy_sources(target: Path) -> None:
-    """The files of this tree, but for those that git ignores; reports, pictures."""
-    command = ["git", "ls-files", "-z", "--cached", "--others", "--exclude-standard"]
-    done = subprocess.run(command, cwd=ROOT, capture_output=True, text=True, check=False)
-    if done.returncode:
-        raise ReleaseError("the check needs a git repository")
-    names = [name for name in done.stdout.split("\0") if name and (ROOT / name).is_file()]
-    for folder in SHOWN:
-        names += [str(path.relative_to(ROOT)) for path in (ROOT / "build" / folder).glob("*.*")]
-    for name in names:
-        (target / name).parent.mkdir(parents=True, exist_ok=True)
-        shutil.copy2(ROOT / name, target / name)
-
-
-def other_boards(names: Iterable[str], version: str, chosen: list[Board]) -> list[str]:
-    """Boards that are in DIST or in `chosen`, but not in both."""
-    known = sorted((entry.name for entry in both_kinds()), key=len)
-    of = [[name for name in known if file.startswith(f"rtu2fc-{version}-{name}-")] for file in names]
-    there = {fitting[-1] for fitting in of if fitting}
-    return sorted(there ^ {entry.name for entry in chosen})
-
-
-def check(words: list[str], draft: bool, version: str, chosen: list[Board]) -> int:
-    """Builds a copy of this tree from nothing and compares its sums with those of DIST."""
-    sums = DIST / sums_name(draft)
-    if not sums.exists():
-        raise ReleaseError(
-            f"{sums.relative_to(ROOT)} is not there; run `make release{' DRAFT=1' * draft}` first"
-        )
-    was = read_sums(sums)
-    if wrong := [
-        name for name, value in was.items() if not (DIST / name).exists() or digest(DIST / name) != value
-    ]:
-        raise ReleaseError(f"{DIST.relative_to(ROOT)}/{wrong[0]} is not what {sums.name} says")
-    # Else every file of these boards would differ, after the long second build.
-    if other := other_boards(was, version, chosen):
-        raise ReleaseError(
-            f"this check and {DIST.relative_to(ROOT)} differ in boards: {', '.join(other)}; repeat its BOARD="
-        )
-    shutil.rmtree(AGAIN, ignore_errors=True)
-    copy_sources(AGAIN)
-    # Reasons to refuse hold for this tree; its copy builds the same files.
-    command = [sys.executable, "-m", "tools.release", "--unchecked", *words]
-    try:
-        done = subprocess.run(command, cwd=AGAIN, check=False)
-    except KeyboardInterrupt:
-        sys.exit(STOPPED)  # the second build has said that it stopped
-    if done.returncode:
-        raise ReleaseError("the second build failed (its message is above)")
-    other = fingerprint.difference(was, read_sums(AGAIN / "build/dist" / sums.name))
-    for name in other:
-        second = AGAIN.relative_to(ROOT) / "build/dist"
-        print(f"release: {name} differs between {DIST.relative_to(ROOT)} and {second}")
-    if not other:
-        shutil.rmtree(AGAIN)
-        print(f"{len(was)} files: the second build gave the same bytes")
-    return 1 if other else 0
-
-
 def main() -> int:
     parser = Parser(prog="release", description=__doc__.splitlines()[0])
     parser.add_argument("--tag", default="", help="the tag of the release, v and the version")
     parser.add_argument("--draft", action="store_true", help="a development build, never refused")
     parser.add_argument("--board", action="append", default=[], help="this board alone, in a draft")
-    parser.add_argument("--check", action="store_true", help="build it again elsewhere and compare")
-    parser.add_argument("--unchecked", action="store_true", help="for --check: its second build")
     args = parser.parse_args()
     if args.board and not args.draft:
         parser.error("a release has every board; DRAFT=1 builds some of them")
-    if args.unchecked and ROOT.name != AGAIN.name:
-        parser.error("--unchecked is for the second build of --check")
     version = VERSION.read_text().strip()
     chosen = [board(name) for name in args.board] or both_kinds()
-    words = ["--draft"] * args.draft + [word for name in args.board for word in ("--board", name)]
-    if not args.draft and not args.unchecked and (wrong := refusals(version, args.tag)):
+    if not args.draft and (wrong := refusals(version, args.tag)):
         for reason in wrong:
             print(f"release: refused: {reason}", file=sys.stderr)
         print("release: DRAFT=1 builds it all the same and names each file -draft", file=sys.stderr)
         return 1
-    if args.check:
-        return check(words, args.draft, version, chosen)
     build(args.draft, chosen, version)
     return 0
 
