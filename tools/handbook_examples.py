@@ -358,10 +358,11 @@ def example_list() -> str:
 def worked_examples() -> str:
     parts = []
     for example in EXAMPLES:
-        lines = [f"### {example.title}"]
-        for number, one in enumerate(play(example), 1):
-            lines += ["", f"{number}. {one.step.what[0].upper()}{one.step.what[1:]}:"]
-            lines += ["", "```", *exchange_lines(one), "```"]
+        steps = [
+            "\n".join([f"{number}. {one.step.what[0].upper()}{one.step.what[1:]}:", *exchange_lines(one)])
+            for number, one in enumerate(play(example), 1)
+        ]
+        lines = [f"### {example.title}", "", "```", "\n\n".join(steps), "```"]
         lines += ["", example.after] if example.after else []
         parts.append("\n".join(lines))
     return "\n\n".join(parts)
