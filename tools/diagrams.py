@@ -49,13 +49,10 @@ BOOTED_MS = 25.0
 REGISTER = rtu.build(1, rtu.read_registers(2, 1))  # answered by the card itself
 START = rtu.build(1, bytes.fromhex("0F 00 00 00 20 04 7C 04 99 19"))
 BROADCAST = rtu.build(0, START[1:-2])
-LEDS_MS, LED_STEP_MS = 3750, 50
 # Fill of a block: WaveDrom's digit, and its meaning here.
 FROM_OUTSIDE, FROM_CARD, PLAIN = "3", "4", "5"
-LED_FILL = {"off": "2", "red": "3", "green": "4", "orange": "5"}
-LINE_COLOURS = {"3": "#cfe5fb", "4": "#ffe3b0", "5": "#eeeeee"}
-LED_COLOURS = {"2": "#eeeeee", "3": "#f4786c", "4": "#7fce7a", "5": "#ffb347"}
-FILL_CLASS = {"2": "s7", "3": "s8", "4": "s9", "5": "s10"}  # classes of WaveDrom's skin
+COLOURS = {"3": "#cfe5fb", "4": "#ffe3b0", "5": "#eeeeee"}
+FILL_CLASS = {"3": "s8", "4": "s9", "5": "s10"}  # classes of WaveDrom's skin
 GRID = 2  # bricks between two dotted lines of WaveDrom
 BRICK = 10  # pixels, in WaveDrom's narrow skin
 LABEL_PX, NAME_PX = 12, 14
@@ -100,7 +97,6 @@ class Drawing:
     end: float
     step: float
     unit: tuple[str, float] = IN_BITS
-    colours: dict[str, str] = field(default_factory=lambda: LINE_COLOURS)
     foot: str = ""
     lanes: list = field(default_factory=list)
     edges: list[str] = field(default_factory=list)
@@ -276,7 +272,7 @@ def svg(drawing: Drawing) -> str:
             size = NAME_PX if caption or text.get("class") == "info" else LABEL_PX
             room = float(root.get("width")) - 2 * BRICK if caption else wide_px(text.text, size)
             text.attrib.update(fitted(text.text, room, size))
-    fills = "\n".join(f".{FILL_CLASS[digit]}{{fill:{fill}}}" for digit, fill in drawing.colours.items())
+    fills = "\n".join(f".{FILL_CLASS[digit]}{{fill:{fill}}}" for digit, fill in COLOURS.items())
     style = STYLE.format(label_px=LABEL_PX, name_px=NAME_PX, fills=fills)
     next(root.iter(f"{{{SVG}}}style")).text = style
     ground = ElementTree.Element(f"{{{SVG}}}rect", width="100%", height="100%", fill="#fff")
@@ -597,32 +593,6 @@ def loop_back() -> Drawing:
     return drawing
 
 
-def power_up() -> Drawing:
-    """Both LEDs from power-up on, without master and drive."""
-    with FastCard(seed=SHOWN_SEED) as card:
-        card.run(LEDS_MS)
-        shown = card.shown
-    drawing = Drawing("Power-up: what the LEDs show", 0, LEDS_MS * MS, LED_STEP_MS * MS, IN_MS, LED_COLOURS)
-    drawing.group("LED")
-    for led in ("drive", "modbus"):
-        history = shown[led]
-        ends = [*(one.since_ps for one in history[1:]), LEDS_MS * MS]
-        blocks = [
-            Block(one.since_ps, end, one.colour, LED_FILL[one.colour])
-            for one, end in zip(history, ends, strict=True)
-        ]
-        drawing.blocks(led, blocks)
-    lit = {led: history[1].since_ps for led, history in shown.items()}
-    step = shown["drive"][3].since_ps - shown["drive"][2].since_ps
-    over = shown["drive"][5].since_ps
-    drawing.arrows((lit["drive"], lit["modbus"], "drive LED"), (lit["modbus"], over, "network LED"))
-    light = ms(lit["drive"])
-    drawing.foot = (
-        f"First light after {light}, a colour every {step / MS:.0f} ms, over after {over / MS:.0f} ms."
-    )
-    return drawing
-
-
 def network_port() -> Drawing:
     """The ports of network_port at the end of a request and the beginning of its reply."""
     seen = Port("network_i", REGISTER)
@@ -709,7 +679,6 @@ DRAWINGS: dict[str, Callable[[], Drawing]] = {
     "exception": refusal,
     "broadcast": broadcast,
     "loop-back": loop_back,
-    "power-up": power_up,
     "network-port": network_port,
     "memory-write": partial(handshake, "write", "network_port: a byte goes to the frame memory", FROM_CARD),
     "memory-read": partial(
