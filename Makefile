@@ -221,7 +221,7 @@ sources: | setup-demo ## every Verilog file of the whole card, one a line (CONFI
 	@$(RUN) rtl.sources $(CONFIG)
 
 portability: firmware | setup-synth ## the card in other people's tools: Yosys's flows for six other makers, slang (1 min)
-	@$(RUN) constraints.portability
+	@$(RUN) pytest -q --all constraints/test_portability.py
 
 ##@ Write what is generated
 regs: | setup-test ## everything derived from regs/
