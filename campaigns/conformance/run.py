@@ -1,11 +1,11 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Grades our card and other slaves by the numbered tests (SLAVE=name: one of them); `make conformance`.
+"""Grades the card and HDL slaves by the numbered tests (SLAVE=name: one of them); `make conformance`.
 
     python -m campaigns.conformance.run                 every slave
     python -m campaigns.conformance.run --slave NAME    one slave; prints its faults, own codes and reasons
 
 A case is one slave. Of a slave that cannot be graded the command says why, and grades the others. Exit 1: a
-slave of ours fails a test; 2: a slave was not graded. Other options: campaigns/engine.py.
+slave fails a test; 2: a slave was not graded. Other options: campaigns/engine.py.
 """
 
 from __future__ import annotations
@@ -44,8 +44,7 @@ class Subject:
 
     title: str
     graded: Callable[[], list[Verdict]]
-    stated: str  # the fingerprint or commit of the graded slave
-    ours: bool
+    stated: str  # the fingerprint of the graded slave
 
 
 def card_pins(config: str) -> list[Verdict]:
@@ -60,14 +59,11 @@ def own_card(config: str) -> str:
 def subjects() -> dict[str, Subject]:
     """Every column of the page, in its order."""
     found = {
-        config: Subject(f"{config} card", functools.partial(card_pins, config), own_card(config), True)
+        config: Subject(f"{config} card", functools.partial(card_pins, config), own_card(config))
         for config in CARDS
     }
     for name, design in designs.designs().items():
-        stated = design.commit[:7] if design.commit else "ours"
-        found[name] = Subject(
-            design.title, functools.partial(designs.grade, design), stated, not design.commit
-        )
+        found[name] = Subject(design.title, functools.partial(designs.grade, design), "ours")
     return found
 
 
@@ -93,7 +89,7 @@ class Conformance(Campaign):
             return {"missing": str(error)}
         fails = [f"{one.number} {one.text}" for one in verdicts if one.outcome == FAIL]
         return {
-            "wrong": "; ".join(fails) if subject.ours else "",
+            "wrong": "; ".join(fails),
             "verdicts": [asdict(one) for one in verdicts],
         }
 
