@@ -321,7 +321,6 @@ def test_results_are_of_one_card_one_image_and_one_judge(monkeypatch, campaign):
     now = {name: name for name in ("card", "firmware", "judge")}
     for name in now:
         monkeypatch.setattr(engine.fingerprint, name, lambda *about, name=name: f"{now[name]} {about}")
-    monkeypatch.setattr(engine.fingerprint, "bench", lambda: now["judge"])
     monkeypatch.setattr(engine.host, "fingerprint", lambda: now.setdefault("sources", "sources"))
     before = campaign.of("standard")
     assert before != campaign.of("tiny")

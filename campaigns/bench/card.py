@@ -6,7 +6,7 @@ measured time is between such edges, as on an oscilloscope at the pins. Unit of 
 clock since the release of the reset. Times on a line are floats, because a bit need not be a whole number of
 cycles.
 
-    bench = Bench(Line.of(19200, "8E1"))
+    bench = Bench(LineFormat(19200, "8E1", STANDARD.clk_hz))
     talk = bench.ask(rtu.build(1, rtu.read_coils(0, 16)))
     talk.reply, talk.reply_start - talk.request_end
 """
@@ -19,14 +19,16 @@ from dataclasses import dataclass, field
 from pathlib import Path
 
 from campaigns.bench import wave
-from campaigns.bench.wave import Character, Line
+from campaigns.bench.wave import t35
 from regs.generated.card_tables import DRIVE_PAUSE_TICKS, TICKS_PER_BIT
 from rtl.sources import ROOT, configurations
 from sim.harness import library
 from sim.harness.simulated_card import SIGNALS as ALL_SIGNALS
 from sim.harness.simulated_card import SimulatedCard, mask
+from sw.rtu2fc import switches
 from tb.model import fc_telegram
 from tb.model.vlt_drive import VltDrive
+from tb.model.wire import CardCharacter, LineFormat, drive_line
 
 # Outputs, then probes.
 SIGNALS = (
@@ -111,7 +113,7 @@ CORRECT = DriveAnswer()
 class Exchange:
     """A telegram and the drive's answer. Times in cycles; `end`: end of the last traffic."""
 
-    telegram: list[Character]
+    telegram: list[CardCharacter]
     broadcast: bool
     answer: DriveAnswer
     start: float
@@ -134,9 +136,9 @@ class Talk:
     request: bytes
     request_start: float
     request_end: float
-    telegrams: list[list[Character]] = field(default_factory=list)
+    telegrams: list[list[CardCharacter]] = field(default_factory=list)
     exchanges: list[Exchange] = field(default_factory=list)
-    answers: list[list[Character]] = field(default_factory=list)
+    answers: list[list[CardCharacter]] = field(default_factory=list)
     marks: dict[str, list[int]] = field(default_factory=dict)  # rising edges of the probes
     de: dict[str, wave.Spans] = field(default_factory=dict)  # driver on, off
     form: list[str] = field(default_factory=list)  # faults in the bits and drivers of the card
@@ -145,11 +147,11 @@ class Talk:
 
     @property
     def replies(self) -> list[bytes]:
-        return [bytes(c.value for c in answer) for answer in self.answers]
+        return [bytes(c.byte for c in answer) for answer in self.answers]
 
     @property
     def sent(self) -> list[bytes]:
-        return [bytes(c.value for c in telegram) for telegram in self.telegrams]
+        return [bytes(c.byte for c in telegram) for telegram in self.telegrams]
 
     @property
     def reply(self) -> bytes | None:
@@ -174,9 +176,9 @@ class Talk:
 class Bench:
     """The card after its reset, a master on the network line and a simulated drive on the other."""
 
-    def __init__(self, line: Line, *, build: Build = STANDARD, drive: VltDrive | None = None) -> None:
+    def __init__(self, line: LineFormat, *, build: Build = STANDARD, drive: VltDrive | None = None) -> None:
         self.line = line
-        self.drive_line = Line.of_drive(line.clk_hz)
+        self.drive_line = drive_line(line.clk_hz)
         self.clk_hz = line.clk_hz
         self.drive = drive
         self.drive_wait_s = DEFAULT_WAIT_S
@@ -186,8 +188,10 @@ class Bench:
         self.told: list[tuple[bytes, bool]] = []  # all telegrams, each with whether it had a good reply
         self.unasked: list[str] = []  # traffic of the card while nothing was due
         self._margin_s = build.margin_s
-        switches = sum(int(on) << i for i, on in enumerate(line.switches()))
-        self._card = SimulatedCard(build.library, build.image_folder, switches, UNIT_ADDRESS, watched=SIGNALS)
+        positions = switches.BAUDS[line.baud] + switches.FORMS[line.form]
+        self._card = SimulatedCard(
+            *(build.library, build.image_folder, int(positions[::-1], 2), UNIT_ADDRESS), watched=SIGNALS
+        )
         self._card.run(1)
         self.edges: dict[str, list[tuple[int, int]]] = {name: [] for name in SIGNALS}
         self.silent_since = [0.0, 0.0]  # end of the last traffic, network and drive line
@@ -219,8 +223,8 @@ class Bench:
     # ------------------------------------------------------------ waveforms
 
     def play(self, where: int, edges: Iterable[tuple[float, int]]) -> None:
-        """Sets levels of a line, each from its time on."""
-        self._card.play(where, [(round(at), level) for at, level in edges])
+        """Sets levels of a line, each from its time on. Of two at the same clock the last one counts."""
+        self._card.play(where, list({round(at): level for at, level in edges}.items()))
 
     def send(
         self,
@@ -243,20 +247,14 @@ class Bench:
         at, edges = start, []
         for number, byte in enumerate(data):
             at += (gaps or {}).get(number, 0.0) * bit
-            levels = line.character(byte, number == bad_parity, number == bad_stop)
+            flaw = "parity" if number == bad_parity else "stop" if number == bad_stop else ""
+            levels = line.levels(byte, flaw)
             edges += [(at + i * bit, level) for i, level in enumerate(levels)]
             at += len(levels) * bit
             edges.append((at, 1))
-        self.play(
-            where, [edge for i, edge in enumerate(edges) if i + 1 == len(edges) or self._differs(edges, i)]
-        )
+        self.play(where, edges)
         self.silent_since[where] = at
         return at
-
-    @staticmethod
-    def _differs(edges: list[tuple[float, int]], i: int) -> bool:
-        """Whether an edge lasts: an edge at the time of the next one is left out."""
-        return round(edges[i][0]) != round(edges[i + 1][0])
 
     def run(self, until: float, stops: Iterable[str] = ()) -> int:
         """Runs to a time, or until one of the signals falls."""
@@ -279,7 +277,7 @@ class Bench:
                 self.unasked.append(f"{name} moves at {edges[0][0] / self.clk_hz:.6f} s, unasked")
         self.forget()
 
-    def bursts(self, where: int) -> list[list[Character]]:
+    def bursts(self, where: int) -> list[list[CardCharacter]]:
         """The card's characters, split where its driver was off."""
         if where == MODBUS:
             return wave.bursts(self.line, self.edges["modbus_tx"], self.spans("modbus_de"))
@@ -295,7 +293,7 @@ class Bench:
 
     def next_start(self, idle_bits: float = 0.0) -> float:
         """The earliest time for a new frame: t3.5 after the last traffic, and `idle_bits` more."""
-        return max(self.now + 1, self.silent_since[MODBUS] + self.line.t35 + idle_bits * self.line.bit)
+        return max(self.now + 1, self.silent_since[MODBUS] + t35(self.line) + idle_bits * self.line.bit)
 
     def ask(self, request: bytes, *, start: float | None = None, **how: object) -> Talk:
         """Sends a request and waits for the answer, or until no answer can come any more."""
@@ -308,7 +306,7 @@ class Bench:
         start = self.next_start(EXTRA_SILENCE_BITS)
         self.idle_until(start)
         talk = Talk(request, start, self.send(MODBUS, request, start), quiet_since=self.silent_since[DRIVE])
-        self.run(talk.request_end + self.line.t35 + 0.1 * self.clk_hz, ["drive_de"])
+        self.run(talk.request_end + t35(self.line) + 0.1 * self.clk_hz, ["drive_de"])
         self._drive_answers(talk)
         self._take(talk)
         self.forget()
@@ -318,7 +316,7 @@ class Bench:
         """Waits for the answer to a request that is being sent, and at least to `until`."""
         talk.quiet_since = self.silent_since[DRIVE]
         pause_over = talk.quiet_since + SHORTEST_DELAY_BITS * self.drive_line.bit
-        deadline = max(talk.request_end + self.line.t35, pause_over) + self._margin()
+        deadline = max(talk.request_end + t35(self.line), pause_over) + self._margin()
         self._attend(talk, max(deadline, until), until)
         self._take(talk)
         return talk
@@ -329,7 +327,7 @@ class Bench:
         talk.de = {name: self.spans(name) for name in DRIVERS}
         talk.marks = {name: [at for at, level in self.edges[name] if level] for name in PROBES}
         talk.wait = self.drive_wait_s * self.clk_hz
-        self.told += [(bytes(c.value for c in e.telegram), e.answered) for e in talk.exchanges]
+        self.told += [(bytes(c.byte for c in e.telegram), e.answered) for e in talk.exchanges]
         for name, line in (("modbus", self.line), ("drive", self.drive_line)):
             wrong = wave.faults(line, self.edges[f"{name}_tx"], talk.de[f"{name}_de"])
             talk.form += [f"{name} line: {fault}" for fault in wrong]
@@ -357,7 +355,7 @@ class Bench:
         """Sends the drive's answer to the telegram that just ended; returns the deadline of the card."""
         burst = self.bursts(DRIVE)[-1]
         end = self.silent_since[DRIVE] = burst[-1].end
-        request = bytes(c.value for c in burst)
+        request = bytes(c.byte for c in burst)
         broadcast = len(request) > 2 and fc_telegram.is_broadcast(request[2])
         if self.drive and broadcast:
             self.drive.telegram(request)

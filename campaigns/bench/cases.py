@@ -38,11 +38,12 @@ from campaigns.bench.traffic import (
     some_answers,
     some_request,
 )
-from campaigns.bench.wave import Line
+from campaigns.bench.wave import t35
 from sw.tools.stack import symbols
 from tb.agents import rtu
 from tb.model import card as card_model
 from tb.model import fc_telegram
+from tb.model.wire import LineFormat
 
 # End of the power-up sequence of the LEDs (LED-1), with the time that the card needs before it.
 SHOW_OVER_S = 2.1
@@ -177,7 +178,7 @@ def turnaround(
     settled: the power-up sequence of the LEDs is over.
     """
     rng = random.Random(f"{seed}/{baud}/{form}")
-    bench = Bench(Line.of(baud, form, build.clk_hz), build=build, drive=example_drive())
+    bench = Bench(LineFormat(baud, form, build.clk_hz), build=build, drive=example_drive())
     if settled:
         bench.idle_until(SHOW_OVER_S * bench.clk_hz)
     model = Model()
@@ -219,7 +220,7 @@ def _say(bench: Bench, request: Request, start: float) -> Talk:
     if request.noise is not None:
         bench.idle_until(start)
         noise_over = bench.send(MODBUS, bytes([request.noise]), start)
-        start = noise_over + line.t35 + NOISE_BITS * line.bit
+        start = noise_over + t35(line) + NOISE_BITS * line.bit
     if request.glitch is not None:
         bench.idle_until(start)
         bench.play(MODBUS, [(start, 0), (start + 0.2 * line.bit, 1)])
@@ -231,7 +232,7 @@ def _say(bench: Bench, request: Request, start: float) -> Talk:
     until = 0.0
     if request.then:
         character, bits = request.then
-        until = bench.send(MODBUS, bytes([character]), end + bits * line.bit) + line.t35 + 3 * line.bit
+        until = bench.send(MODBUS, bytes([character]), end + bits * line.bit) + t35(line) + 3 * line.bit
     return bench.follow(Talk(adu, start, end), until=until)
 
 
@@ -264,7 +265,7 @@ def random_requests(
 ) -> Outcome:
     """Compares legal and illegal requests with the model: right bytes, right times, due silence."""
     rng = random.Random(f"random/{seed}/{baud}/{form}")
-    line = Line.of(baud, form, build.clk_hz)
+    line = LineFormat(baud, form, build.clk_hz)
     bench = Bench(line, build=build, drive=example_drive())
     if settled:
         bench.idle_until(SHOW_OVER_S * bench.clk_hz)
@@ -312,7 +313,7 @@ def drive_faults(baud: int, form: str, quick: bool, build: Build = STANDARD) -> 
     """FC-8, FC-9: each invalid answer gets one repeat; each slow answer within the rules is accepted.
 
     The second failure gives 255, and the drive's own fault numbers are passed on."""
-    bench = Bench(Line.of(baud, form, build.clk_hz), build=build, drive=example_drive())
+    bench = Bench(LineFormat(baud, form, build.clk_hz), build=build, drive=example_drive())
     model = Model()
     outcome = Outcome()
 
@@ -353,7 +354,7 @@ def _held_back(bench: Bench, outcome: Outcome, pdu: bytes, extra_bits: float) ->
     line = bench.line
     request = Request(UNIT_ADDRESS, pdu, "another character", then=(0, extra_bits))
     talk = _say(bench, request, bench.next_start(EXTRA_SILENCE_BITS))
-    where = f"{pdu.hex(' ')} at {line.baud} {line.name}, another character after {extra_bits:.1f} bits"
+    where = f"{pdu.hex(' ')} at {line.baud} {line.form}, another character after {extra_bits:.1f} bits"
     outcome.add(measure(bench, talk, "gate"), where)
     outcome.compare(talk, [], None, where)
     outcome.check(bool(talk.marks["candidate"]), f"{where}: was no candidate, so this shows nothing")
@@ -362,7 +363,7 @@ def _held_back(bench: Bench, outcome: Outcome, pdu: bytes, extra_bits: float) ->
 
 def gate(baud: int, form: str, quick: bool, build: Build = STANDARD) -> Outcome:
     """FRAME-6: a character between t1.5 and t3.5 revokes the frame."""
-    line = Line.of(baud, form, build.clk_hz)
+    line = LineFormat(baud, form, build.clk_hz)
     bench = Bench(line, build=build, drive=example_drive())
     outcome = Outcome()
     early, late = line.t15_bits + 0.5, line.t35_bits - 0.5
@@ -395,7 +396,7 @@ def gate(baud: int, form: str, quick: bool, build: Build = STANDARD) -> Outcome:
 def overtaken(baud: int, form: str, quick: bool, build: Build = STANDARD) -> Outcome:
     """FRAME-7: another frame while the drive is still answering. The old reply is dropped, the exchange is
     completed, the newest request is served without delay."""
-    line = Line.of(baud, form, build.clk_hz)
+    line = LineFormat(baud, form, build.clk_hz)
     outcome = Outcome()
     newer = {
         "a foreign frame": (FOREIGN, rtu.read_coils(0, 8)),

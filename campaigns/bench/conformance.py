@@ -13,9 +13,9 @@ from collections.abc import Callable
 from campaigns.bench.card import MODBUS, STANDARD, UNIT_ADDRESS, Bench, Build, Talk
 from campaigns.bench.judge import T35_ACCURACY_BITS, Outcome, measure
 from campaigns.bench.traffic import FOREIGN, example_drive
-from campaigns.bench.wave import Line
 from tb.agents import rtu
 from tb.model import card as card_model
+from tb.model.wire import LineFormat
 
 RESOLUTION_BITS = 0.02
 RESOLUTION_RATE = 0.001
@@ -58,7 +58,7 @@ def boundary(passes: Callable[[float], bool], good: float, bad: float, resolutio
 
 
 def conformance(baud: int, form: str, build: Build = STANDARD) -> Outcome:
-    line = Line.of(baud, form, build.clk_hz)
+    line = LineFormat(baud, form, build.clk_hz)
     bench = Bench(line, build=build, drive=example_drive())
     outcome, rows = Outcome(), {}
     here = f"at {baud} {form}"
@@ -149,7 +149,7 @@ def conformance(baud: int, form: str, build: Build = STANDARD) -> Outcome:
         outcome.check(quiet, f"{name} {here}: answered (FRAME-4)")
         return "silent" if quiet else "answered"
 
-    parity = "n.a." if line.parity == "none" else silent("parity error", READ, bad_parity=2)
+    parity = "n.a." if not line.parity else silent("parity error", READ, bad_parity=2)
     rows["damage"] = f"{parity} / {silent('framing error', READ, bad_stop=2)}"
     rows["crc"] = silent("bad CRC", READ[:-1] + bytes([READ[-1] ^ 1]))
 

@@ -21,10 +21,6 @@ from rtl.command import run_main
 from rtl.sources import ROOT, SourcesError, card_files, configurations, without_comments
 from sw.test import host
 
-BENCH = ("wave", "card", "judge", "traffic", "cases", "conformance", "work")
-MODEL_FILES = [ROOT / f"tb/model/{name}.py" for name in ("card", "fc_telegram", "vlt_drive")]
-AGENTS = [ROOT / f"tb/agents/{name}.py" for name in ("crc16", "rtu")]
-HARNESS = [ROOT / "sim/harness" / name for name in ("card_library.cpp", "card_model.h", "line_player.h")]
 # Of a campaign: the modules that decide a verdict, if not all that campaigns/NAME/run.py imports, and the
 # files that they read.
 JUDGES: dict[str, tuple[tuple[str, ...], tuple[str, ...]]] = {
@@ -43,8 +39,9 @@ JUDGES: dict[str, tuple[tuple[str, ...], tuple[str, ...]]] = {
 # The simulated card with its far ends, and the drive.
 AROUND = ("sim/harness", "sim/card", "sim/drive")
 # They change no verdict.
-TEXTS = {"campaigns.engine", "campaigns.bench.fingerprint", "campaigns.fuzz.report", "rtl.command"}
-TEXTS |= {"campaigns.masters.page", "rtl.report_page", "tb.lib.bound", "tb.lib.options"}
+TEXTS = {"campaigns.engine", "campaigns.bench.fingerprint", "campaigns.bench.report", "rtl.command"}
+TEXTS |= {"campaigns.fuzz.report", "campaigns.masters.page", "rtl.report_page", "tb.lib.bound"}
+TEXTS |= {"tb.lib.options"}
 DIGITS = 12
 
 
@@ -114,22 +111,11 @@ def judge(campaign: str) -> str:
     return _digest([*map(_python, [own, *imported(*deciding)]), *code, *contents])
 
 
-def bench() -> str:
-    """Code that determines measurements and verdicts, without the layout of the report."""
-    python = [ROOT / f"campaigns/bench/{name}.py" for name in BENCH]
-    python += [*MODEL_FILES, *AGENTS]
-    drive = sorted(path for path in (ROOT / "sim/drive").iterdir() if path.suffix in (".c", ".h", ".csv"))
-    code = [*HARNESS, *(path for path in drive if path.suffix != ".csv")]
-    tables = [(path.name, path.read_text()) for path in drive if path.suffix == ".csv"]
-    return _digest([*map(_python, python), *map(_code, code), *tables])
-
-
 # What a report may have been measured on or by, by the name in docs/evidence.json.
 SUBJECTS: dict[str, Callable[[], str]] = {
     "standard card": card,
     "tiny card": partial(card, "tiny"),
     "firmware": host.fingerprint,
-    "bench": bench,
 }
 
 

@@ -19,11 +19,12 @@ from dataclasses import asdict, dataclass, field
 from typing import Any
 
 from campaigns.bench.card import MARGIN_BITS, SHORTEST_DELAY_BITS, UNIT_ADDRESS, Bench, Talk
-from campaigns.bench.wave import BAUD_ERROR, GRAIN, Line
+from campaigns.bench.wave import BAUD_ERROR, CLK_HZ, GRAIN, t35
 from regs.generated.card_tables import DRIVE_BAUD
 from tb.agents import rtu
 from tb.model.lines import image_of
 from tb.model.told import not_told
+from tb.model.wire import LineFormat
 
 # Limits (PERF-1 to PERF-3): bits of the line, and the ratio to the floor.
 LIMIT_BITS = 1.0
@@ -123,7 +124,7 @@ class Sample:
 
 def de_grain(baud: int) -> float:
     """Uncertainty of the end of a character, in bits."""
-    line = Line(baud)
+    line = LineFormat(baud, "8E1", CLK_HZ)
     return GRAIN / line.bit + BAUD_ERROR * line.character_bits
 
 
@@ -173,7 +174,7 @@ class Outcome:
 
     def finish(self, bench: Bench) -> Outcome:
         """Checks at the end that the card sends nothing more, and what the image shows (SAFE-8)."""
-        bench.idle_until(bench.next_start() + bench.line.t35 + MARGIN_BITS * bench.line.bit)
+        bench.idle_until(bench.next_start() + t35(bench.line) + MARGIN_BITS * bench.line.bit)
         self.check(not bench.unasked, "; ".join(bench.unasked))
         shown = bench.ask(rtu.build(UNIT_ADDRESS, rtu.read_coils(0, 32))).reply if bench.told else None
         wrong = not_told(bench.told, image_of(shown)) if shown else ""
@@ -203,12 +204,12 @@ def floor_of(bench: Bench, talk: Talk) -> dict[str, float]:
 def measure(bench: Bench, talk: Talk, case: str, error: float = 0.0) -> Sample:
     """error: error of the sender's rate, -0.04 is 4 % too slow."""
     line, drive_line = bench.line, bench.drive_line
-    sample = Sample(case, line.baud, line.name, form_faults=list(talk.form))
+    sample = Sample(case, line.baud, line.form, form_faults=list(talk.form))
     sample.drift_bits = line.character_bits * (1 / (1 + error) - 1)
     sample.telegrams, sample.replies = len(talk.telegrams), len(talk.answers)
     # A sender slower than LINE-5 allows is not the card's fault.
     slowest = line.character_bits * (1 / (1 - SENDER_ERROR) - 1)
-    committed = talk.request_end + line.t35 - max(0.0, sample.drift_bits - slowest) * line.bit
+    committed = talk.request_end + t35(line) - max(0.0, sample.drift_bits - slowest) * line.bit
     pause = SHORTEST_DELAY_BITS * drive_line.bit
     milliseconds = 1000 / bench.clk_hz
 

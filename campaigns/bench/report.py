@@ -23,9 +23,10 @@ from campaigns.bench.judge import (
     de_grain,
 )
 from campaigns.bench.traffic import REFUSED, UNFIT
-from campaigns.bench.wave import BAUDS, Line
+from campaigns.bench.wave import BAUDS
 from campaigns.bench.work import FORM, Piece
 from tb.lib import bound
+from tb.model.wire import LineFormat, drive_line
 
 # Tables that go into docs/evidence.json.
 REPORT_TABLES = (
@@ -239,9 +240,9 @@ def firmware(results: CardResults) -> str:
 
 def budgets(clk_hz: int, baud: int) -> tuple[float, float]:
     """Clocks from the candidate to t3.5, and of the BCC's character."""
-    line = Line.of(baud, FORM, clk_hz)
-    drive_line = Line.of_drive(clk_hz)
-    return (line.t35_bits - line.half_bits) * line.bit, drive_line.character_bits * drive_line.bit
+    line = LineFormat(baud, FORM, clk_hz)
+    of_drive = drive_line(clk_hz)
+    return (line.t35_bits - line.half_bits) * line.bit, of_drive.character_bits * of_drive.bit
 
 
 def shares(results: CardResults) -> dict[tuple[str, int], tuple[float, float]]:

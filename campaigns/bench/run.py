@@ -14,7 +14,6 @@ import functools
 from argparse import Namespace
 from typing import Any
 
-from campaigns.bench import fingerprint
 from campaigns.bench.card import BenchError, Build
 from campaigns.bench.judge import Outcome
 from campaigns.bench.report import REPORT_TABLES, CardResults, Image, printed, tables
@@ -89,12 +88,6 @@ class TurnaroundBench(Campaign):
 
     def wrong(self, row: Row) -> str:
         return "; ".join(row["faults"])
-
-    def judge(self) -> str:
-        return fingerprint.bench()
-
-    def subjects(self) -> list[str]:
-        return ["standard card", "tiny card", "firmware", "bench"]
 
     def said(self, rows: dict[str, Row]) -> str:
         results = results_of(rows)

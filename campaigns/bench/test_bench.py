@@ -22,11 +22,13 @@ from campaigns.bench.cases import CASES, Model
 from campaigns.bench.conformance import boundary
 from campaigns.bench.judge import Outcome, measure
 from campaigns.bench.traffic import example_drive
-from campaigns.bench.wave import Line, characters, edges_of
+from campaigns.bench.wave import CLK_HZ, edges_of
 from campaigns.bench.work import Piece, fast
+from sim.harness.pins import decode
 from sw.tools import stack
 from tb.agents import rtu
 from tb.lib.rows import each_row
+from tb.model.wire import CardCharacter, LineFormat, drive_line
 
 SEED = int(os.environ.get("COCOTB_RANDOM_SEED", "1"))
 PIECES = list(fast(SEED))
@@ -94,8 +96,12 @@ def test_faults_of_the_drive(piece: Piece) -> None:
 # Outputs of a broken card, made from edges of the real one: edges in, changed edges out.
 Edges = dict[str, list[tuple[float, int]]]
 RATE = 115200
-LINE, DRIVE_LINE = Line.of(RATE, "8E1"), Line.of_drive()
+LINE, DRIVE_LINE = LineFormat(RATE, "8E1", CLK_HZ), drive_line(CLK_HZ)
 LINES = {"modbus": LINE, "drive": DRIVE_LINE}
+
+
+def characters(line: str, edges: Edges) -> list[CardCharacter]:
+    return decode(LINES[line], edges[f"{line}_tx"], 0)
 
 
 def later(name: str, bits: float, level: int | None = None) -> Callable[[Edges], None]:
@@ -128,12 +134,12 @@ def doubled(line: str) -> Callable[[Edges], None]:
     return change
 
 
-def rewritten(line: str, like: Line) -> Callable[[Edges], None]:
+def rewritten(line: str, like: LineFormat) -> Callable[[Edges], None]:
     """The same bytes at another rate or in another format."""
 
     def change(edges: Edges) -> None:
-        sent = characters(LINES[line], edges[f"{line}_tx"])
-        edges[f"{line}_tx"] = edges_of(like, bytes(c.value for c in sent), sent[0].start)
+        sent = characters(line, edges)
+        edges[f"{line}_tx"] = edges_of(like, bytes(c.byte for c in sent), sent[0].start)
 
     return change
 
@@ -142,7 +148,7 @@ def gap(line: str, after: int, bits: float) -> Callable[[Edges], None]:
     """Idle time between two characters with the driver on."""
 
     def change(edges: Edges) -> None:
-        place = characters(LINES[line], edges[f"{line}_tx"])[after].end - 1
+        place = characters(line, edges)[after].end - 1
         for name in (f"{line}_tx", f"{line}_de"):
             edges[name] = [(at + bits * LINES[line].bit * (at > place), to) for at, to in edges[name]]
 
@@ -151,8 +157,8 @@ def gap(line: str, after: int, bits: float) -> Callable[[Edges], None]:
 
 def other_byte(line: str) -> Callable[[Edges], None]:
     def change(edges: Edges) -> None:
-        sent = characters(LINES[line], edges[f"{line}_tx"])
-        data = bytes(c.value for c in sent)
+        sent = characters(line, edges)
+        data = bytes(c.byte for c in sent)
         edges[f"{line}_tx"] = edges_of(LINES[line], data[:-1] + bytes([data[-1] ^ 1]), sent[0].start)
 
     return change
@@ -226,10 +232,13 @@ BROKEN = {
     "no reply": (nothing("modbus"), "replies none"),
     "another byte in the reply": (other_byte("modbus"), "replies "),
     "another byte in the telegram": (other_byte("drive"), "telegrams "),
-    "odd parity": (rewritten("modbus", Line.of(RATE, "8O1")), "malformed"),
-    "drive's line without parity": (rewritten("drive", Line.of(9600, "8N2")), "malformed"),
-    "bits 1 % too long": (rewritten("modbus", Line.of(round(RATE * 0.99), "8E1")), "LINE-4"),
-    "drive bits 0.5 % too short": (rewritten("drive", Line.of(round(9600 * 1.005), "8E1")), "LINE-4"),
+    "odd parity": (rewritten("modbus", LineFormat(RATE, "8O1", CLK_HZ)), "malformed"),
+    "drive's line without parity": (rewritten("drive", LineFormat(9600, "8N2", CLK_HZ)), "malformed"),
+    "bits 1 % too long": (rewritten("modbus", LineFormat(round(RATE * 0.99), "8E1", CLK_HZ)), "LINE-4"),
+    "drive bits 0.5 % too short": (
+        rewritten("drive", LineFormat(9648, "8E1", CLK_HZ)),
+        "LINE-4",
+    ),
     "a gap in the reply": (gap("modbus", 3, 0.2), "bits between characters 3 and 4"),
     "a gap in the telegram": (gap("drive", 3, 0.2), "bits between characters 3 and 4"),
     "DE for nothing": (extra("modbus_de", 0.021, 1), "without a character.*rises 2 times"),

@@ -12,12 +12,12 @@ from collections.abc import Callable
 from dataclasses import dataclass
 
 from campaigns.bench.card import CORRECT, UNIT_ADDRESS, DriveAnswer
-from campaigns.bench.wave import Line
 from tb.agents import rtu
 from tb.agents.crc16 import crc_good
 from tb.model import card as card_model
 from tb.model import fc_telegram
 from tb.model.vlt_drive import VltDrive
+from tb.model.wire import LineFormat
 
 TEXT = "TWENTY CHARACTERS OK"
 TEXT_PNU = 533
@@ -210,7 +210,7 @@ def _may_shorten_the_wait(pdu: bytes) -> bool:
     return trial.registers[card_model.DRIVE_TIMEOUT] < SHORTEST_WAIT
 
 
-def _breaks_apart(rng: random.Random, line: Line, adu: bytes) -> tuple[int, float]:
+def _breaks_apart(rng: random.Random, line: LineFormat, adu: bytes) -> tuple[int, float]:
     """A silence between t1.5 and t3.5 in the frame, such that no part of it is good by chance."""
     while True:
         at = rng.randrange(1, len(adu))
@@ -218,7 +218,7 @@ def _breaks_apart(rng: random.Random, line: Line, adu: bytes) -> tuple[int, floa
             return at, rng.uniform(line.t15_bits + CLEAR_BITS, line.t35_bits - CLEAR_BITS)
 
 
-def some_request(rng: random.Random, line: Line) -> Request:
+def some_request(rng: random.Random, line: LineFormat) -> Request:
     longest = LONGEST if line.baud > SLOW_BAUD else LONGEST_SLOW
     while True:
         roll = rng.random()
@@ -230,7 +230,7 @@ def some_request(rng: random.Random, line: Line) -> Request:
     harm = rng.random()
     if harm < 0.02:
         return Request(address, pdu, "bad CRC")
-    if harm < 0.04 and line.parity != "none":
+    if harm < 0.04 and line.parity:
         return Request(address, pdu, "parity error", bad_parity=rng.randrange(size))
     if harm < 0.05:
         return Request(address, pdu, "bad stop bit", bad_stop=rng.randrange(size))
