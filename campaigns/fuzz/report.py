@@ -6,7 +6,6 @@ from __future__ import annotations
 from argparse import Namespace
 from typing import Any
 
-from campaigns.flips import report as rare
 from campaigns.flips import run as flips
 from campaigns.flips.trial import FORBIDDEN, PACES
 from campaigns.fuzz.case import clk_hz
@@ -62,7 +61,6 @@ def context(fuzzed: list[Namespace], masters: list[Namespace], flipped: list[Nam
     for card in flipped:
         card.rates, card.table = flips.rates(card.total), "\n".join(flips.table(card.total))
         card.conditions = conditions(card)
-        card.rare = "\n".join(rare.rare(rare.rare_counts(card.total["notable"])))
     for card in (*fuzzed, *masters):
         card.seeds = seeds(card.rows)
     return {
