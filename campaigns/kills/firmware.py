@@ -49,14 +49,13 @@ class FirmwareKills(mutate.HostTests):
 
     def noticed(self, mutant: mutate.Mutant, seen: str) -> tuple[str, str]:
         """Verdict, and the test that fails. The one that must fail runs first, then those of this kind."""
-        fuzzer = mutate.fuzzer_of(mutant)
         known = {item.name: item.nodeid for items in self.items.values() for item in items}
         must = {node for node in known.values() if seen and node.startswith(seen)}
-        items = self.items[fuzzer]
+        items = self.items[mutant.file in mutate.POLL_LOOP]
         both = [item for items in self.items.values() for item in items if item.nodeid in must]
         fate = self.fate(mutant, [*both, *(item for item in items if item.nodeid not in must)])
         if fate == "survives":
-            fate = mutate.replay_fails(self.builds.link_replayer, fuzzer)
+            fate = mutate.replay_fails(self.builds.link_replayer)
             return ("noticed", CORPUS_TEST) if fate else ("unnoticed", "")
         if fate in mutate.NOT_COUNTED:
             return "invalid" if fate in ("does not compile", "same code") else "same", fate

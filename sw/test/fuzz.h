@@ -1,7 +1,7 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 /*
- * Shared by the fuzzers: input, checks, requests and drive replies made from input, and an independent model of the
- * settings that a request changes.
+ * For the fuzzer: input, checks, requests and drive replies made from input, and an independent model of the settings
+ * that a request changes.
  */
 #ifndef FUZZ_H
 #define FUZZ_H

@@ -1,6 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
-# The fuzzers of the firmware: for each dialect one of the translation core and one of the poll loop, with address
-# and undefined-behaviour sanitizers. Included by the top Makefile; also works alone (make -f sw/test/fuzz.mk fuzzers).
+# The fuzzer of the firmware in each dialect, with address and undefined-behaviour sanitizers. Included by the top
+# Makefile; also works alone (make -f sw/test/fuzz.mk fuzzers).
 
 # Asked for when a fuzzer is built.
 FUZZ_CC = $(shell tools/setup.sh --command clang)
@@ -12,10 +12,10 @@ FUZZ_SANITIZERS := -fsanitize=fuzzer,address,undefined,implicit-conversion -fno-
 FUZZ_CFLAGS := -std=c99 -g -Wall -Wextra -Werror -Wconversion -Wstrict-prototypes -Wmissing-prototypes \
 	-I$(FUZZ_TREE)/sw/include -I$(FUZZ_TREE)/sw/src -Iregs/generated -I$(FUZZ_TREE)/sw/port/host -Isw/test
 FUZZ_DIALECTS := $(shell sed -n 's/^\[dialect\.\(.*\)\]/\1/p' regs/dialects.toml)
-FUZZERS := $(foreach dialect,$(FUZZ_DIALECTS),$(addprefix $(FUZZ_DIR)/$(dialect)/fuzz_,translate gateway))
+FUZZERS := $(FUZZ_DIALECTS:%=$(FUZZ_DIR)/%/fuzz_gateway)
 # main.c runs on the card alone.
 FUZZ_SOURCES := $(filter-out %/main.c,$(wildcard $(FUZZ_TREE)/sw/src/*.c)) $(wildcard $(FUZZ_TREE)/sw/port/host/*.c) \
-	sw/test/fuzz.c
+	sw/test/fuzz.c sw/test/fuzz_gateway.c
 
 .PHONY: fuzzers
 fuzzers: $(FUZZERS)
@@ -25,4 +25,4 @@ $(FUZZERS): $(FUZZ_SOURCES) $(wildcard $(FUZZ_TREE)/sw/*/*.h $(FUZZ_TREE)/sw/por
 		sw/test/fuzz.mk | $(SETUP)
 	@mkdir -p $(@D)
 	$(FUZZ_CC) $(FUZZ_CFLAGS) $(FUZZ_FLAGS) $(FUZZ_SANITIZERS) -DDIALECT=DIALECT_$(fuzz_dialect) -o $@ \
-		sw/test/$(@F).c $(FUZZ_SOURCES)
+		$(FUZZ_SOURCES)

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Fuzzes the translation core and the poll loop of the firmware in every dialect (sw/test/fuzz_*.c).
+"""Fuzzes the firmware in every dialect (sw/test/fuzz_gateway.c).
 
     python -m sw.test.fuzz [--runs N] [--seed N] [--jobs N] [--refresh] [--write]
 
@@ -28,9 +28,7 @@ from tb.lib.options import at_least
 
 FOLDER = ROOT / "build/fuzz-firmware"
 CORPUS = ROOT / "sw/test/corpus"
-LONG = 1_000_000  # runs, those of `make evidence`; shorter campaigns do not go into docs/evidence.json
-# Share of the runs. A run of the poll loop takes as long as eight of the core.
-TARGETS = {"translate": 0.85, "gateway": 0.15}
+LONG = 200_000  # runs, those of `make evidence`; shorter campaigns do not go into docs/evidence.json
 OPTIONS = ["-max_len=256", "-len_control=20", "-timeout=10", "-print_final_stats=1"]
 # The fewest inputs that take every branch once.
 MERGE = ["-set_cover_merge=1", "-use_counters=0", "-use_cmp=0"]
@@ -38,7 +36,7 @@ MERGE = ["-set_cover_merge=1", "-use_counters=0", "-use_cmp=0"]
 
 @dataclass
 class Result:
-    fuzzer: str
+    dialect: str
     seed: int
     runs: int
     branches: int  # edges of the code that were seen
@@ -47,24 +45,22 @@ class Result:
     says: str
 
 
-def build(
-    folder: Path, *variables: str, fuzzers: Sequence[tuple[str, str]] = ()
-) -> subprocess.CompletedProcess:
-    """Builds FOLDER/<dialect>/fuzz_<target> from the current sources: all of them, or those of `fuzzers`."""
-    goals = [f"{folder}/{dialect}/fuzz_{target}" for dialect, target in fuzzers] or ["fuzzers"]
+def build(folder: Path, *variables: str, dialects: Sequence[str] = DIALECTS) -> subprocess.CompletedProcess:
+    """Builds FOLDER/<dialect>/fuzz_gateway from the current sources."""
+    goals = [f"{folder}/{dialect}/fuzz_gateway" for dialect in dialects]
     make = ["make", "-s", "-f", "sw/test/fuzz.mk", f"FUZZ_DIR={folder}"]
     return subprocess.run([*make, *variables, *goals], cwd=ROOT, capture_output=True, text=True, check=False)
 
 
-def fuzz(folder: Path, dialect: str, target: str, runs: int, seed: int, work: Path | None = None) -> Result:
+def fuzz(folder: Path, dialect: str, runs: int, seed: int, work: Path | None = None) -> Result:
     """Runs one fuzzer of `folder`, starting from the corpus; findings go to `work` (default: `folder`)."""
-    grown = (work or folder) / "grown" / dialect / target
+    grown = (work or folder) / "grown" / dialect
     findings = (work or folder) / "findings"
     shutil.rmtree(grown, ignore_errors=True)
     for made in (grown, findings):
         made.mkdir(parents=True, exist_ok=True)
-    command = [folder / dialect / f"fuzz_{target}", *OPTIONS, f"-seed={seed}", f"-runs={runs}"]
-    command += [f"-artifact_prefix={findings}/{dialect}-{target}-", grown, CORPUS / target]
+    command = [folder / dialect / "fuzz_gateway", *OPTIONS, f"-seed={seed}", f"-runs={runs}"]
+    command += [f"-artifact_prefix={findings}/{dialect}-", grown, CORPUS]
     begun = time.monotonic()
     done = subprocess.run(
         list(map(str, command)), cwd=ROOT, capture_output=True, text=True, errors="replace", check=False
@@ -77,7 +73,7 @@ def fuzz(folder: Path, dialect: str, target: str, runs: int, seed: int, work: Pa
     if done.returncode and not finding:
         raise RuntimeError(f"{command[0]}: {said[-400:]}")
     return Result(
-        f"{dialect}/{target}",
+        dialect,
         seed,
         int(units[1]) if units else 0,
         int(edges[-1]) if edges else 0,
@@ -88,26 +84,17 @@ def fuzz(folder: Path, dialect: str, target: str, runs: int, seed: int, work: Pa
 
 
 def fuzz_all(folder: Path, runs: int, seed: int, jobs: int) -> list[Result]:
-    fuzzers = [(dialect, target) for target in TARGETS for dialect in DIALECTS]
+    share = math.ceil(runs / len(DIALECTS))
     with threads(jobs) as pool:
-        started = [
-            pool.submit(fuzz, folder, d, t, math.ceil(runs * TARGETS[t] / len(DIALECTS)), seed)
-            for d, t in fuzzers
-        ]
+        started = [pool.submit(fuzz, folder, dialect, share, seed) for dialect in DIALECTS]
         return [one.result() for one in started]
 
 
 def refresh(folder: Path) -> None:
     """Adds inputs to the corpus that take a branch for the first time."""
-    for target in TARGETS:
-        for dialect in DIALECTS:
-            merge = [
-                folder / dialect / f"fuzz_{target}",
-                *MERGE,
-                CORPUS / target,
-                folder / "grown" / dialect / target,
-            ]
-            subprocess.run(list(map(str, merge)), cwd=ROOT, capture_output=True, check=True)
+    for dialect in DIALECTS:
+        merge = [folder / dialect / "fuzz_gateway", *MERGE, CORPUS, folder / "grown" / dialect]
+        subprocess.run(list(map(str, merge)), cwd=ROOT, capture_output=True, check=True)
 
 
 def summary(runs: int, findings: int) -> list[str]:
@@ -121,9 +108,9 @@ def summary(runs: int, findings: int) -> list[str]:
 
 def main() -> int:
     parser = Parser(prog="fuzz-firmware", description=__doc__.splitlines()[0])
-    parser.add_argument("--runs", type=at_least(1), default=LONG, help="runs of all fuzzers together")
+    parser.add_argument("--runs", type=at_least(1), default=LONG, help="of all dialects together")
     parser.add_argument("--seed", type=at_least(1), default=random.randrange(1, 1 << 31))
-    parser.add_argument("--jobs", type=at_least(1), default=1, help="fuzzers at a time")
+    parser.add_argument("--jobs", type=at_least(1), default=1, help="dialects at a time")
     parser.add_argument("--write", action="store_true", help=f"{LONG} runs or more: into docs/evidence.json")
     parser.add_argument("--refresh", action="store_true", help="add new branches to sw/test/corpus")
     given = parser.parse_args()
@@ -136,14 +123,14 @@ def main() -> int:
     total = sum(result.runs for result in results)
     (FOLDER / "results.json").write_text(json.dumps([asdict(result) for result in results], indent=1) + "\n")
     shown = [
-        f"{one.fuzzer:22}{one.runs:>10} runs{one.branches:>6} edges{one.seconds:>9} s" for one in results
+        f"{one.dialect:12}{one.runs:>10} runs{one.branches:>6} edges{one.seconds:>9} s" for one in results
     ]
     found = [result for result in results if result.finding]
     shown += summary(total, len(found))
     print("\n".join(shown))
     for result in found:
         print(f"FOUND  {result.says}")
-        print(f"       {FOLDER / result.fuzzer.replace('/', '/fuzz_')} {result.finding}")
+        print(f"       {FOLDER / result.dialect}/fuzz_gateway {result.finding}")
     if given.write and not found and total >= LONG:
         text = "\n".join([f"{given.runs} runs, seed {given.seed}", *shown])
         put_figures("fuzzing", f"make fuzz-firmware RUNS={given.runs}", text)

@@ -1,11 +1,12 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 /*
- * Fuzzes the poll loop against the model of the mailbox (sw/port/host/mailbox_model.h). Events come in any order, some
+ * Fuzzes the firmware against the model of the mailbox (sw/port/host/mailbox_model.h). Events come in any order, some
  * between two register accesses of one round: candidates, commits, revokes, telegrams of the drive, time, restarts, the
  * loop-back test. Here is what makes the events and what judges. The image check runs as in main.c.
  *
  * Checked: a process telegram carries coils 1-32 as they are, and goes to all only if each write that it stands for does.
- * No other telegram carries coils. When both lines rest, the last process telegram carries coils 1-32 (SAFE-8). A changed
+ * No other telegram carries coils. A parameter is that of the request; only a write writes one, to RAM or EEPROM as coil 65
+ * says. Coils read as they were written, bit by bit; those of the status are the last of a good reply. When both lines rest, the last process telegram carries coils 1-32 (SAFE-8). A changed
  * image leaves before all else; a committed parameter write leaves unless a newer one of its kind replaces it or the line
  * is never silent (FRAME-7). A telegram is sent twice at most. A reply fits its request, confirms only what the drive has
  * answered, and never answers a broadcast. The settings are those of the committed requests. After the last event a new
@@ -13,6 +14,7 @@
  */
 #include <string.h>
 
+#include "codes.h"
 #include "fuzz.h"
 #include "gateway.h"
 #include "host.h"
@@ -34,6 +36,7 @@ struct request {
     uint32_t length;
     uint32_t sent;
     enum intent intent;
+    uint32_t status; /* coils 33-64 as it came */
     struct model after;
     uint8_t pdu[PDU_MAX];
     bool broadcast;
@@ -64,9 +67,12 @@ static bool due;                      /* and the firmware has seen it */
 static bool writes_due;               /* likewise of parameter writes */
 static bool told;                     /* since the start a telegram of the image has left */
 static uint32_t last_image;           /* its words */
+static uint32_t status, heard_status; /* coils 33-64; what the drive's last telegram with a good BCC makes of them */
+static uint32_t coming_status;        /* likewise of its last telegram */
 static bool polled;   /* the firmware has had its rounds since the last candidate, commit or restart */
 /* Rounds in which the firmware must see the commit: one prepares, the next commits. */
 static uint32_t rounds_to_commit;
+static uint32_t rounds_to_bcc; /* in which it must see the BCC of the drive's last telegram */
 static uint32_t race_in; /* register accesses until race_event */
 static uint32_t race_event;
 static struct input *input;
@@ -146,11 +152,34 @@ static void check_image(uint32_t words)
 
 static void check_parameter(void)
 {
-    const uint32_t pnu = (m.telegram[1] & 0x0Fu) << 8 | m.telegram[2];
+    const uint8_t *data = m.telegram + 1;
+    const uint32_t pnu = (data[0] & 0x0Fu) << 8 | data[1];
+    const bool reads = at_drive->intent == INTENT_READ;
+    const bool stored = at_drive->after.coils[64];
 
-    HOLDS(at_drive->intent == INTENT_READ || at_drive->intent == INTENT_WRITE);
-    HOLDS(at_drive->intent == INTENT_WRITE || m.telegram[1] >> 4 == 1 || m.telegram[1] >> 4 == 15);
+    HOLDS(reads ? at_drive->pdu[4] <= 10 : at_drive->intent == INTENT_WRITE);
+    HOLDS(pnu >= 1 && pnu <= TRAITS.pnu_max);
     HOLDS(10 * pnu - 1 == ((uint32_t)at_drive->pdu[1] << 8 | at_drive->pdu[2]));
+    HOLDS(data[3] == (at_drive->after.ind & 0xFF));
+    switch (data[0] >> 4) {
+    case AK_READ:
+        HOLDS(reads && data[2] == 0);
+        break;
+    case AK_WRITE_WORD:
+    case AK_WRITE_DOUBLE:
+        HOLDS(!reads && data[2] == 0 && !stored);
+        break;
+    case AK_STORE - AK_WRITE_WORD:
+    case AK_STORE - AK_WRITE_DOUBLE:
+        HOLDS(!reads && data[2] == 0 && stored);
+        break;
+    case AK_TEXT:
+        HOLDS(data[2] == (reads ? 4 : 5));
+        HOLDS(!reads || m.telegram_length == 14);
+        break;
+    default:
+        NEVER("an AK that the card sends");
+    }
 }
 
 static void check_telegram(void)
@@ -190,6 +219,26 @@ static void check_telegram(void)
         check_parameter();
 }
 
+/* Whether the reply about coils is right with these coils 33-64. */
+static bool reads_coils(uint32_t coils_of_drive)
+{
+    const uint8_t *pdu = newest->pdu;
+    const uint32_t first = (uint32_t)pdu[1] << 8 | pdu[2];
+    const uint32_t quantity = (uint32_t)pdu[3] << 8 | pdu[4];
+    uint32_t i;
+
+    if (first + quantity > 128 || reply[2] != (quantity + 7) / 8)
+        return false;
+    for (i = 0; i < 8u * reply[2]; i++) {
+        const bool of_drive = first + i >= 32 && first + i < 64;
+        const bool is = i < quantity && (of_drive ? coils_of_drive >> (first + i - 32) & 1 : newest->after.coils[first + i]);
+
+        if ((reply[3 + i / 8] >> i % 8 & 1) != is)
+            return false;
+    }
+    return true;
+}
+
 static void check_reply(void)
 {
     const uint8_t *pdu = reply + 1;
@@ -205,6 +254,11 @@ static void check_reply(void)
     HOLDS(pdu[0] == newest->pdu[0]);
     if (diagnoses(pdu[0]))
         return;
+    /* The status may have changed since it came. */
+    if (pdu[0] == 0x01)
+        HOLDS(reads_coils(newest->status) || reads_coils(status) || reads_coils(heard_status));
+    if (pdu[0] == 0x03)
+        HOLDS(pdu[1] == 2u * newest->pdu[4]);
     if (pdu[0] == 0x01 || pdu[0] == 0x03)
         HOLDS(m.reply_length == 3u + pdu[1]);
     else
@@ -254,6 +308,7 @@ static void event_candidate(void)
     newest->broadcast = (take(input) & 7) == 7;
     newest->ignored = m.loopback;
     newest->after = model;
+    newest->status = status;
     newest->intent = model_request(&newest->after, newest->pdu, newest->length);
     mailbox_candidate(&m, number, newest->pdu, newest->length, newest->broadcast);
     polled = false;
@@ -292,8 +347,12 @@ static void event_telegram_ends(void)
 
 static void event_bcc(bool good)
 {
-    if (m.drive_candidate && good && at_drive && !m.loopback)
-        at_drive->drive_answered = true;
+    if (m.drive_candidate && good && !m.loopback) {
+        heard_status = coming_status;
+        if (at_drive)
+            at_drive->drive_answered = true;
+    }
+    rounds_to_bcc = 2;
     mailbox_bcc(&m, good);
     judge();
 }
@@ -329,12 +388,24 @@ static void hear_frame(void)
         mailbox_drive_data(&m, heard + 3, m.reply_length - 1, heard[1]);
 }
 
+static void drive_says(const uint8_t *data, uint32_t length)
+{
+    const uint8_t *pcd = data + length - 4;
+
+    /* A telegram takes longer than its BCC, and than the firmware takes for a round. */
+    if (m.drive_candidate || rounds_to_bcc != 0)
+        return;
+    if (length >= 4 && m.listening && !m.drive_good)
+        coming_status = (uint32_t)pcd[2] << 24 | (uint32_t)pcd[3] << 16 | (uint32_t)pcd[0] << 8 | pcd[1];
+    mailbox_drive_data(&m, data, length, length + 2);
+}
+
 static void hear_drive(void)
 {
     uint8_t data[DATA_MAX];
     const uint32_t length = take_telegram(input, m.telegram, m.telegram_length, data);
 
-    mailbox_drive_data(&m, data, length, length + 2);
+    drive_says(data, length);
 }
 
 static void small_event(uint32_t which)
@@ -486,8 +557,9 @@ static void restart(void)
     writes[FOR_ONE] = writes[FOR_ALL] = of_coils = NULL;
     changed[FOR_ONE] = changed[FOR_ALL] = due = writes_due = told = false;
     polled = false;
-    rounds_to_commit = 0;
+    rounds_to_commit = rounds_to_bcc = 0;
     race_in = 0;
+    status = heard_status = coming_status = 0;
     image_begin(&image, image_words);
     gateway_init(&g);
 }
@@ -498,8 +570,12 @@ static void poll(void)
 
     if (gateway_poll(&g))
         HOLDS(check_words(IDLE_WORDS));
+    HOLDS(g.translator.status == status || g.translator.status == heard_status);
+    status = g.translator.status;
     if (rounds_to_commit != 0 && to_see != 0)
         rounds_to_commit--;
+    if (rounds_to_bcc != 0)
+        rounds_to_bcc--;
     polled = rounds_to_commit == 0;
     if (!polled)
         return;
@@ -650,9 +726,9 @@ static void serve(void)
     memcpy(data, m.telegram + 1, 4);
     if (data[0] >> 4 == 15) {
         data[4] = data[5] = 'A';
-        mailbox_drive_data(&m, data, 10, 12);
+        drive_says(data, 10);
     } else
-        mailbox_drive_data(&m, data, 12, 14);
+        drive_says(data, 12);
     poll();
     before = replies;
     event_bcc(true);

@@ -196,14 +196,9 @@ class MutantBuild:
         shutil.copytree(ROOT / "sw", folder / "sw", ignore=shutil.ignore_patterns("corpus"))
         shutil.copytree(ROOT / "regs/generated", folder / "regs/generated")
         self.files = [*sources(), *HOST]
-        # The sources of each fuzzer; fuzzer_of() selects one.
-        self.replayers = {
-            fuzzer: [*self.files, "sw/test/fuzz.c", "sw/test/replay.c", f"sw/test/fuzz_{fuzzer}.c"]
-            for fuzzer in ("translate", "gateway")
-        }
-        needed = dict.fromkeys(file for files in self.replayers.values() for file in files)
+        self.replayed = [*self.files, *(f"sw/test/{name}.c" for name in ("fuzz", "replay", "fuzz_gateway"))]
         for build in BUILDS:
-            for file in needed if build in DIALECTS else self.files:
+            for file in self.replayed if build in DIALECTS else self.files:
                 self._compile(file, build)
         self.same: dict[tuple[str, str], bytes] = {}
 
@@ -251,11 +246,11 @@ class MutantBuild:
         touched = self.touched()
         return [self._object(file, build, file in touched) for file in files]
 
-    def link_replayer(self, dialect: str, fuzzer: str) -> Path:
+    def link_replayer(self, dialect: str) -> Path:
         self.make(dialect)
         target = self.folder / dialect / "replay"
         target.parent.mkdir(exist_ok=True)
-        self._run("gcc", "-o", target, *self._objects(self.replayers[fuzzer], dialect))
+        self._run("gcc", "-o", target, *self._objects(self.replayed, dialect))
         return target
 
     def link_libraries(self) -> None:
@@ -281,15 +276,11 @@ class MutantBuild:
         return all(self.same[place] == code for place, code in changed.items())
 
 
-def fuzzer_of(mutant: Mutant) -> str:
-    return "gateway" if mutant.file in POLL_LOOP else "translate"
-
-
-def replay_fails(make_replayer: Callable[[str, str], Path], fuzzer: str) -> str:
-    inputs = sorted((CORPUS / fuzzer).iterdir())
+def replay_fails(make_replayer: Callable[[str], Path]) -> str:
+    inputs = sorted(CORPUS.iterdir())
     for dialect in DIALECTS:
         try:
-            command = [make_replayer(dialect, fuzzer), *inputs]
+            command = [make_replayer(dialect), *inputs]
             done = subprocess.run(command, capture_output=True, timeout=REPLAY_S, check=False)
         except subprocess.TimeoutExpired:
             return "never ends"
@@ -308,11 +299,11 @@ class HostTests:
         self.builds = builds
 
     def pytest_collection_modifyitems(self, items: list[pytest.Item]) -> None:
-        """Sorts the host tests into those of the core and those of the poll loop, the slow ones last."""
+        """Sorts the host tests: those of the poll loop (True), and of the core, the slow ones last."""
         items.sort(key=lambda item: any(word in item.name for word in SLOW))
         self.items = {
-            "gateway": [item for item in items if of_gateway(item)],
-            "translate": [item for item in items if item.path != ROOT / GATEWAY_TESTS and of_core(item)],
+            True: [item for item in items if of_gateway(item)],
+            False: [item for item in items if item.path != ROOT / GATEWAY_TESTS and of_core(item)],
         }
 
     def fate(self, mutant: Mutant, items: list[pytest.Item]) -> str:
@@ -330,7 +321,7 @@ class HostTests:
         if fate := self.tests_fail(items[LIKELY:]):
             return fate
         # In a child of their own: TESTS_S is for the tests of one kind.
-        if fuzzer_of(mutant) != "gateway" and (fate := self.tests_fail(self.items["gateway"])):
+        if mutant.file not in POLL_LOOP and (fate := self.tests_fail(self.items[True])):
             return fate
         return EXCUSED if is_excused(mutant) else "survives"
 

@@ -1,5 +1,5 @@
 /* SPDX-License-Identifier: Apache-2.0 */
-/* The main function of a fuzzer without libFuzzer: runs each file of the command line once. */
+/* The main function of the fuzzer without libFuzzer: runs each file of the command line once. */
 #include "fuzz.h"
 
 #include <stdio.h>
