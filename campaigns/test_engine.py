@@ -351,9 +351,6 @@ def measured(piece: work.Piece) -> Row:
     sample.floor_parts, sample.after_t35, sample.de_lead = {"request": 0.02}, [late], {"modbus": [0.5]}
     outcome = judge.Outcome(rows=dict.fromkeys(ROWS, "answered"))
     outcome.add(sample, "here")
-    if piece.kind == "random":
-        outcome.became["answered"] += 1
-        outcome.drive_did["first at once"] += 1
     return outcome.row()
 
 
@@ -420,7 +417,6 @@ def kept(tmp_path, monkeypatch) -> Store:
         (MASTERS, "| read coil 129 | hvac_basic | 2 | **2** |"),
         (BENCH, "| local request: reply's first bit after t3.5 | ≤ 1 bit of the line | 0.50 | met |"),
         (BENCH, "- tiny: here: reply 1.250 bits after t3.5 (PERF-1)"),
-        (BENCH, f"| at once | yes | {sum(name.startswith('standard-random') for name in pieces(7))} | - |"),
         (
             FUZZ,
             "44 frames of both cards judged to their end, each with the judge of its row: cases with a "

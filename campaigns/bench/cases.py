@@ -236,25 +236,6 @@ def _say(bench: Bench, request: Request, start: float) -> Talk:
     return bench.follow(Talk(adu, start, end), until=until)
 
 
-def _became(request: Request, due: Due, talk: Talk) -> str:
-    """Outcome of a request, described for the table."""
-    if request.harm:
-        return f"silence: {request.harm}"
-    if request.address == FOREIGN:
-        return "silence: another unit's"
-    if request.address == 0:
-        return "silence: broadcast, sent on to the drive" if due.telegrams else "silence: broadcast"
-    if request.pdu[0] & rtu.EXCEPTION_BIT:
-        return "silence: an exception, not a request"
-    by = "by the card"
-    if due.telegrams:
-        answered = bool(talk.exchanges) and talk.exchanges[-1].answered
-        by = "by the drive" if answered else "without the drive"
-    if due.reply[1] & rtu.EXCEPTION_BIT:
-        return f"exception {due.reply[2]} {by}"
-    return f"answered {by}"
-
-
 def random_requests(
     baud: int,
     form: str,
@@ -287,10 +268,6 @@ def random_requests(
         outcome.add(measure(bench, talk, "random"), where)
         due = model.due(step, talk)
         outcome.compare(talk, due.telegrams, due.reply, where)
-        outcome.became[_became(request, due, talk)] += 1
-        for turn, exchange in zip(("first", "repeat"), talk.exchanges, strict=False):
-            if not exchange.broadcast:
-                outcome.drive_did[f"{turn} {exchange.answer.name}"] += 1
     outcome.stack_bytes = stack_used(bench, build)
     return outcome.finish(bench)
 

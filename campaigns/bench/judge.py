@@ -14,7 +14,6 @@ drive's delay and reply; then the reply. t3.5 is 38.5 bits, above 19200 bit/s 17
 
 from __future__ import annotations
 
-from collections import Counter
 from dataclasses import asdict, dataclass, field
 from typing import Any
 
@@ -138,8 +137,6 @@ class Outcome:
     stack_bytes: int = 0  # used part of the firmware's stack
     simulated_s: float = 0.0
     rows: dict[str, str] = field(default_factory=dict)
-    became: Counter[str] = field(default_factory=Counter)  # outcomes of the requests
-    drive_did: Counter[str] = field(default_factory=Counter)  # "first" or "repeat", and the fault
 
     def row(self) -> dict[str, Any]:
         """For the store (campaigns/engine.py)."""
@@ -147,8 +144,7 @@ class Outcome:
 
     @classmethod
     def of(cls, row: dict[str, Any]) -> Outcome:
-        counts = {name: Counter(row[name]) for name in ("became", "drive_did")}
-        return cls(**row | counts | {"samples": [Sample(**each) for each in row["samples"]]})
+        return cls(**row | {"samples": [Sample(**each) for each in row["samples"]]})
 
     def add(self, sample: Sample, where: str) -> None:
         self.samples.append(sample)

@@ -3,9 +3,7 @@
 
 from __future__ import annotations
 
-import re
 import statistics
-from collections import Counter
 from collections.abc import Callable, Iterable
 from dataclasses import dataclass
 
@@ -22,7 +20,6 @@ from campaigns.bench.judge import (
     Sample,
     de_grain,
 )
-from campaigns.bench.traffic import REFUSED, UNFIT
 from campaigns.bench.wave import BAUDS
 from campaigns.bench.work import FORM, Piece
 from tb.lib import bound
@@ -284,44 +281,6 @@ def slowest_clock_hz(results: CardResults) -> float:
     return results.clk_hz * max((worst / allowed for allowed, worst in shares(results).values()), default=0)
 
 
-def counted(results: CardResults, attribute: str) -> Counter:
-    """A table of counts, summed over all random pieces."""
-    total: Counter = Counter()
-    for piece, outcome in results.outcomes.values():
-        if piece.kind == "random":
-            total += getattr(outcome, attribute)
-    return total
-
-
-def outcomes(results: CardResults) -> str:
-    """Outcomes of the random requests: exception numbers in order, silences last."""
-
-    def order(what: str) -> tuple[int, list[object]]:
-        parts = [int(part) if part.isdigit() else part for part in re.split(r"(\d+)", what)]
-        return ("answered", "exception", "silence:").index(what.split()[0]), parts
-
-    became = counted(results, "became")
-    rows = [[what, became[what]] for what in sorted(became, key=order)]
-    return rows_of("what came of it | requests", [*rows, ["**all**", became.total()]])
-
-
-def drive_table(results: CardResults) -> str:
-    """Answers of the drive, and which of them the card had to accept."""
-    did = counted(results, "drive_did")
-    refused = {answer.name for answer in (*REFUSED, UNFIT)}
-    named = {key.split(" ", 1)[1] for key in did}
-    names = sorted(named, key=lambda name: (name in refused, name != "at once", name))
-    rows = [
-        [
-            name,
-            "no" if name in refused else "yes",
-            *(did[f"{turn} {name}"] or "-" for turn in ("first", "repeat")),
-        ]
-        for name in names
-    ]
-    return rows_of("the drive's answer | is a reply | to a telegram | to its repeat", rows)
-
-
 def image(results: CardResults) -> str:
     found = results.image
     path = " → ".join(found.stack_path)
@@ -388,9 +347,6 @@ def tables(results: CardResults) -> dict[str, str]:
         "summary": summary(results),
         "by_rate": by_rate(results),
         "transactions": transactions(results),
-        "requests": str(len(samples(results, "random"))),
-        "outcomes": outcomes(results),
-        "drive": drive_table(results),
         "conformance": conformance(results),
         "firmware": firmware(results),
         "budget": budget(results),
