@@ -36,7 +36,7 @@ from campaigns.bench.traffic import (
     parameter,
     refusal,
     some_answers,
-    some_request,
+    some_requests,
 )
 from campaigns.bench.wave import t35
 from sw.tools.stack import symbols
@@ -252,12 +252,11 @@ def random_requests(
         bench.idle_until(SHOW_OVER_S * bench.clk_hz)
     model = Model()
     outcome = Outcome()
-    for number in range(count):
-        request = some_request(rng, line)
+    for number, request in enumerate(some_requests(rng, line, count)):
         bench.drive_delay_bits = rng.choice((22, 22, 24, 30, 60, 190))
         bench.drive_wait_s = model.wait_s
         step = card_model.Step()
-        if not request.harm and request.address != FOREIGN:
+        if not request.harm and request.address in (UNIT_ADDRESS, BROADCAST_ADDRESS):
             step = model.ask(request.pdu, broadcast=request.address == 0)
         bench.drive_answers = []
         # The wait for a failing drive must not take minutes.

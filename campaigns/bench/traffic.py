@@ -12,13 +12,15 @@ from collections.abc import Callable
 from dataclasses import dataclass
 
 from campaigns.bench.card import CORRECT, UNIT_ADDRESS, DriveAnswer
+from campaigns.soak.run import Traffic
+from regs.dialects import DEFAULT
 from tb.agents import rtu
 from tb.agents.crc16 import crc_good
-from tb.model import card as card_model
 from tb.model import fc_telegram
 from tb.model.vlt_drive import VltDrive
 from tb.model.wire import LineFormat
 
+PROFILE = "vlt6000"
 TEXT = "TWENTY CHARACTERS OK"
 TEXT_PNU = 533
 FOREIGN = UNIT_ADDRESS + 1
@@ -30,7 +32,7 @@ def parameter(pnu: int) -> int:
 
 
 def example_drive() -> VltDrive:
-    drive = VltDrive(example=True)
+    drive = VltDrive(PROFILE, example=True)
     drive.set_text(TEXT_PNU, TEXT)
     return drive
 
@@ -114,16 +116,6 @@ def some_answers(rng: random.Random, process: bool) -> list[DriveAnswer]:
 
 # ---------------------------------------------------------------- requests of masters
 
-IND = 0
-KNOWN_PNUS = (1, 2, 102, 104, 205, 206, 207, 514, 515, 520, TEXT_PNU, 534, 621, 622, 623, 700, 2047)
-# Register 40003 in 10 ms: the longest exchange of this traffic takes 76 ms.
-SHORTEST_WAIT, WAIT_FOR_ALL = 8, 15
-PERMITTED = {
-    IND: (0, 0, 1, 3, 0x0400, 0x0400, 0x0500, 0x0401, 0xFFFF),
-    card_model.NETWORK_TIMEOUT: (0, 1, 100, 1000, 65535),
-    card_model.DRIVE_TIMEOUT: (0, SHORTEST_WAIT, WAIT_FOR_ALL, 20, 65535),
-}
-LONGEST_SLOW, LONGEST = 30, 253  # bytes of a PDU
 LONGEST_FRAME = 256  # FRAME-5
 SLOW_BAUD = 9600
 # Distance in bits between a silence inside or after a frame and the limit that it must keep to one side of.
@@ -151,65 +143,6 @@ class Request:
         return bytes(adu)
 
 
-def _some_write(rng: random.Random) -> bytes:
-    kind = rng.randrange(6)
-    if kind == 0:
-        start = rng.choice((0, 0, 3, 16, 31, 40, 64))
-        count = 1 if start == 64 else rng.randint(1, 32)
-        return rtu.write_coils(start, [rng.random() < 0.5 for _ in range(count)])
-    if kind == 1:
-        return bytes(
-            [rtu.WRITE_COIL, 0, rng.choice((0, 6, 10, 31, 32, 64, 65)), rng.choice((0, 0, 0xFF, 1)), 0]
-        )
-    if kind == 2:
-        register = rng.randrange(4)
-        return rtu.write_register(register, rng.choice(PERMITTED.get(register, (1,))))
-    if kind == 3:
-        values = [rng.choice(PERMITTED[register]) for register in range(3)]
-        first = rng.randrange(3)
-        return rtu.write_registers(first, values[first : first + rng.randint(1, 3)])
-    pnu = rng.choice(KNOWN_PNUS)
-    if kind == 4:
-        return rtu.write_register(parameter(pnu), rng.choice((0, 1, 50, 300, 65535)))
-    count = rng.choice((1, 2, 2, 3, 10))
-    return rtu.write_registers(parameter(pnu), [rng.choice((0, 60, 0x4142, 0x2020)) for _ in range(count)])
-
-
-def _some_read(rng: random.Random) -> bytes:
-    kind = rng.randrange(5)
-    if kind <= 1:
-        return rtu.read_coils(
-            rng.choice((0, 1, 32, 33, 63, 64, 100, 127)), rng.choice((1, 7, 8, 16, 32, 64, 128))
-        )
-    if kind == 2:
-        return rtu.read_registers(rng.randrange(5), rng.randint(0, 4))
-    pnu = rng.choice(KNOWN_PNUS)
-    return rtu.read_registers(parameter(pnu) + (rng.random() < 0.1), rng.choice((1, 2, 2, 3, 10, 10, 11)))
-
-
-def _any_pdu(rng: random.Random, longest: int) -> bytes:
-    """Any PDU: unknown functions, wrong lengths, wrong byte counts."""
-    pdu = bytearray(rng.choice((_some_read, _some_write))(rng))
-    kind = rng.randrange(4)
-    if kind == 0:
-        return bytes([rng.randrange(256)]) + rng.randbytes(
-            rng.randint(1, min(longest, rng.choice((4, 12, 252))))
-        )
-    if kind == 1:
-        return bytes(pdu) + rng.randbytes(rng.randint(1, 4))
-    if kind == 2:
-        return bytes(pdu[: rng.randint(2, len(pdu))])
-    pdu[rng.randrange(1, len(pdu))] = rng.randrange(256)
-    return bytes(pdu)
-
-
-def _may_shorten_the_wait(pdu: bytes) -> bool:
-    """True if it could set register 40003 so low that a healthy drive answers too late."""
-    trial = card_model.CardModel()
-    trial.request(pdu)
-    return trial.registers[card_model.DRIVE_TIMEOUT] < SHORTEST_WAIT
-
-
 def _breaks_apart(rng: random.Random, line: LineFormat, adu: bytes) -> tuple[int, float]:
     """A silence between t1.5 and t3.5 in the frame, such that no part of it is good by chance."""
     while True:
@@ -218,14 +151,13 @@ def _breaks_apart(rng: random.Random, line: LineFormat, adu: bytes) -> tuple[int
             return at, rng.uniform(line.t15_bits + CLEAR_BITS, line.t35_bits - CLEAR_BITS)
 
 
-def some_request(rng: random.Random, line: LineFormat) -> Request:
-    longest = LONGEST if line.baud > SLOW_BAUD else LONGEST_SLOW
-    while True:
-        roll = rng.random()
-        pdu = _some_read(rng) if roll < 0.45 else _some_write(rng) if roll < 0.8 else _any_pdu(rng, longest)
-        if not _may_shorten_the_wait(pdu):
-            break
-    address = rng.choices((UNIT_ADDRESS, 0, FOREIGN), (88, 7, 5))[0]
+def some_requests(rng: random.Random, line: LineFormat, count: int) -> list[Request]:
+    """Legal and illegal ones (campaigns/soak/run.py), with their disturbances."""
+    made = Traffic(rng, DEFAULT, PROFILE).requests(count)
+    return [_disturbed(rng, line, asked.unit, asked.pdu) for asked in made]
+
+
+def _disturbed(rng: random.Random, line: LineFormat, address: int, pdu: bytes) -> Request:
     size = len(pdu) + 3
     harm = rng.random()
     if harm < 0.02:
