@@ -16,7 +16,7 @@ from regs.dialects import DIALECTS
 from regs.generated.card_tables import CHARACTER_BITS
 from sim.harness.pins import BAUDS, FORMS
 from tb.agents.crc16 import with_crc
-from tb.model.card import DRIVE_TIMEOUT, NETWORK_TIMEOUT
+from tb.model.card import DRIVE_TIMEOUT
 from tb.model.fc_telegram import STX, build
 from tb.model.wire import PAUSE_BITS, UNSURE_BITS, LineFormat
 
@@ -50,21 +50,8 @@ RECORDED_SILENCE_BITS = 200.0  # longer silences of a recording are cut to this
 class FuzzTraffic(Traffic):
     """The PDUs of campaigns/soak/run.py, with waits for the drive that cost little simulated time."""
 
-    def local(self) -> list[tuple[int, bytes]]:
-        wait = self.rng.choice((*WAITS, 0))
-        index = wire(self.dialect.index_register)
-        return [
-            self.rng.choice(
-                (
-                    (1, b"\x03" + wire(self.rng.randrange(10), self.rng.randint(1, 4))),
-                    (1, b"\x06" + wire(NETWORK_TIMEOUT, self.rng.randrange(0x10000))),
-                    (1, b"\x06" + wire(DRIVE_TIMEOUT, wait)),
-                    (1, b"\x10" + wire(1, 2) + b"\x04" + wire(self.rng.randrange(0x10000), wait)),
-                    (1, b"\x06" + index + wire(self.rng.choice((0, 0, 1, 0x0400, 0x0500, 0x0A07)))),
-                    (1, b"\x06" + wire(self.rng.randrange(3, 9), 1)),
-                )
-            )
-        ]
+    def _wait(self) -> int:
+        return self.rng.choice((*WAITS, 0))
 
 
 class Maker:

@@ -154,9 +154,13 @@ class Traffic:
         start = self.rng.choice((0, 16, 32, 48, 64, self.rng.randrange(140)))
         return [(UNIT, b"\x01" + wire(start, self.rng.choice((1, 16, 32, self.rng.randint(1, 140)))))]
 
+    def _wait(self) -> int:
+        """For register 40003: long enough for the simulated drive, or refused."""
+        return self.rng.choice((15, 15, 30, self.rng.randint(15, 100), 0))
+
     def local(self) -> list[tuple[int, bytes]]:
-        """The card's own registers. Register 40003 stays long enough for the simulated drive."""
-        wait = self.rng.choice((15, 15, 30, self.rng.randint(15, 100), 0))
+        """The card's own registers."""
+        wait = self._wait()
         index = wire(self.dialect.index_register)
         return [
             self.rng.choice(
@@ -165,7 +169,7 @@ class Traffic:
                     (UNIT, b"\x06" + wire(NETWORK_TIMEOUT, self.rng.randrange(0x10000))),
                     (UNIT, b"\x06" + wire(DRIVE_TIMEOUT, wait)),
                     (UNIT, b"\x10" + wire(1, 2) + b"\x04" + wire(self.rng.randrange(0x10000), wait)),
-                    (UNIT, b"\x06" + index + wire(self.rng.choice((0, 0, 1, 0x0400, 0x0500)))),
+                    (UNIT, b"\x06" + index + wire(self.rng.choice((0, 0, 1, 0x0400, 0x0500, 0x0A07)))),
                     (UNIT, b"\x06" + wire(self.rng.randrange(3, 9), 1)),
                 )
             )
