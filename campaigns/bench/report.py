@@ -22,6 +22,7 @@ from campaigns.bench.judge import (
 )
 from campaigns.bench.wave import BAUDS
 from campaigns.bench.work import FORM, Piece
+from rtl.report_page import markdown
 from tb.lib import bound
 from tb.model.wire import LineFormat, drive_line
 
@@ -102,9 +103,7 @@ def middle_and_worst(numbers: list[float]) -> str:
 
 def rows_of(header: str, rows: Iterable[Iterable[object]]) -> str:
     """A Markdown table; the columns of `header` are separated by |."""
-    columns = header.count("|") + 1
-    lines = [f"| {header} |", "|" + "---|" * columns]
-    return "\n".join(lines + ["| " + " | ".join(map(str, row)) + " |" for row in rows])
+    return markdown([header.split(" | "), *(list(map(str, row)) for row in rows)])
 
 
 def verdict(met: bool) -> str:

@@ -18,6 +18,7 @@ from campaigns.line_quality.limits import ALL_FORMS, QUANTITIES, Quantity
 from campaigns.line_quality.measure import Limit
 from campaigns.line_quality.work import CARD_HZ, whole
 from rtl.command import run_main
+from rtl.report_page import markdown
 from rtl.sources import SourcesError
 from sim.harness.library import BuildError
 
@@ -80,18 +81,13 @@ def shown(quantity: Quantity, value: float) -> str:
     return f"{100 * value:.2f} %" if quantity.unit == "%" else f"{value:.3f}"
 
 
-def row(cells: list[str]) -> str:
-    return f"| {' | '.join(cells)} |"
-
-
 def table(limits: list[Limit], line: str, form: str) -> str:
     """Theory in the first row, then a row for each rate and clock."""
     every = QUANTITIES.values()
     titles = [quantity.title for quantity in every]
     rows = [
-        row(["bit/s", "clocks a bit", *titles, "characters a point"]),
-        row(["---"] * (len(titles) + 3)),
-        row(["theory", "", *(" … ".join(shown(q, value) for value in q.theory(form)) for q in every), ""]),
+        ["bit/s", "clocks a bit", *titles, "characters a point"],
+        ["theory", "", *(" … ".join(shown(q, value) for value in q.theory(form)) for q in every), ""],
     ]
     lines = sorted({(one.baud, one.clk_hz) for one in limits if (one.line, one.form) == (line, form)})
     for baud, clk_hz in lines:
@@ -105,19 +101,19 @@ def table(limits: list[Limit], line: str, form: str) -> str:
             for name, quantity in QUANTITIES.items()
         ]
         mark = f"{clk_hz / baud:.0f}" + (" (12 MHz)" if clk_hz == CARD_HZ else "")
-        rows.append(row([str(baud), mark, *cells, str(next(iter(here.values())).characters)]))
-    return "\n".join(rows)
+        rows.append([str(baud), mark, *cells, str(next(iter(here.values())).characters)])
+    return markdown(rows)
 
 
 def worst(limits: list[Limit]) -> str:
     """The smallest limit of each quantity over all lines, with the promised value."""
-    rows = [row(["quantity", "least found", "where", "LINE-5"]), row(["---"] * 4)]
+    rows = [["quantity", "least found", "where", "LINE-5"]]
     for name, quantity in QUANTITIES.items():
         least = min((one for one in limits if one.quantity == name), key=lambda one: one.found)
         where = f"{least.line} line, {least.baud} {least.form}, {least.clk_hz / least.baud:.0f} clocks a bit"
         promise = shown(quantity, quantity.promise) if quantity.promise else "-"
-        rows.append(row([quantity.title, shown(quantity, least.found), where, promise]))
-    return "\n".join(rows)
+        rows.append([quantity.title, shown(quantity, least.found), where, promise])
+    return markdown(rows)
 
 
 def faults(limits: list[Limit]) -> list[str]:
