@@ -101,16 +101,8 @@ def test_unrequested_commands_and_missing_answers_are_found_after_the_judge(name
     command, parameter = played.telegrams[-2:]  # the last two requests'
     drive = drive_line(clk_hz(case["baud"]))
 
-    def sent(data: bytes, at: float) -> Burst:
-        character = drive.character_bits * drive.bit
-        ends = [at + (i + 1) * character for i in range(len(data))]
-        characters = [
-            CardCharacter(round(e - character), e, b, True) for e, b in zip(ends, data, strict=True)
-        ]
-        return Burst(round(at), round(ends[-1]), characters)
-
     def with_more(data: bytes, at: float) -> Played:
-        telegrams = sorted([*played.telegrams, sent(data, at)], key=lambda burst: burst.rise)
+        telegrams = sorted([*played.telegrams, burst(drive, data, at)], key=lambda burst: burst.rise)
         return replace(played, telegrams=telegrams)
 
     pause = 30 * drive.bit
