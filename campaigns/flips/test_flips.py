@@ -33,6 +33,8 @@ from campaigns.flips.trial import (
     trial,
 )
 from campaigns.fuzz.case import Played, clk_hz
+from campaigns.fuzz.test_fuzz import burst
+from campaigns.fuzz.test_fuzz import heard as heard_on
 from rtl.sources import ROOT, configuration
 from sim.harness.library import Target
 from tb.agents import rtu
@@ -41,7 +43,7 @@ from tb.lib.bound import at_most, words
 from tb.lib.rows import each_row
 from tb.model.fc_telegram import build_process
 from tb.model.whole_card import NEVER, Verdict
-from tb.model.wire import Burst, CardCharacter, FarCharacter, LineFormat, drive_line
+from tb.model.wire import FarCharacter, LineFormat, drive_line
 
 RTL = ROOT / "rtl"
 BAUD = BAUDS[0]
@@ -181,13 +183,13 @@ def test_no_flip_of_a_sender_keeps_its_driver_on(places, each: int):
     flips = []
     _, _, played, _ = trial("test", places, NO_FLIP)
     sent = {"network_i.rtu_tx_i": played.replies[0], "drive_i.fc_tx_i": played.telegrams[0]}
-    for sender, burst in sent.items():
+    for sender, whole in sent.items():
         uart = sender.split(".")[0] + ".uart_i"
         character = 11 * (LINE.bit if "network" in sender else drive_line(LINE.clk_hz).bit)
         for path in (f"{sender}.state", f"{uart}.state", f"{uart}.driving"):
             register = next(register for register in places.registers if register.path == path)
             for bit in register.bits:
-                for at in (burst.rise + 0.6 * character, burst.fall - 0.4 * character):
+                for at in (whole.rise + 0.6 * character, whole.fall - 0.4 * character):
                     flips.append(Flip(round(at), path, 0, bit, "card"))
     for flip in flips[::each]:
         outcome, *_ = trial("test", places, flip)
@@ -346,17 +348,7 @@ def test_no_flip_commits_a_revoked_frame(baud, revoked_at, by, each):
 
 
 def heard(data: bytes, at: float) -> list[FarCharacter]:
-    character = LINE.character_bits * LINE.bit
-    return [FarCharacter(at + i * character, at + (i + 1) * character, byte) for i, byte in enumerate(data)]
-
-
-def burst(line: LineFormat, data: bytes, at: float) -> Burst:
-    character = line.character_bits * line.bit
-    sent = [
-        CardCharacter(round(at + i * character), at + (i + 1) * character, b, True)
-        for i, b in enumerate(data)
-    ]
-    return Burst(round(at), round(sent[-1].end), sent)
+    return heard_on(LINE, data, at)
 
 
 def verdict_of(
