@@ -185,7 +185,7 @@ always @(posedge clk) begin
     // FRAME-5: every candidate has the next number.
     a_ticket : assert (ticket == g_ticket);
     // FRAME-7: nothing but its telegram takes a licence away.
-    a_stays : assert ({image_valid, licences_i_free, one_valid, all_valid} == {g_image, g_free, g_one, g_all});
+    a_stays : assert ({image_valid, one_valid, all_valid} == {g_image, g_one, g_all});
   end
 end
 
@@ -196,8 +196,6 @@ end
 (* hierconn *) wire \reply_i.wait_drive ;
 (* hierconn *) wire \licences_i.image_i.held ;
 (* hierconn *) wire \licences_i.image_i.opposite ;
-(* hierconn *) wire \licences_i.free_i.held ;
-(* hierconn *) wire \licences_i.free_i.opposite ;
 (* hierconn *) wire \licences_i.one_i.held ;
 (* hierconn *) wire \licences_i.one_i.opposite ;
 (* hierconn *) wire \licences_i.all_i.held ;
@@ -212,7 +210,6 @@ end
 initial assume (\reply_i.wait_drive == 1'b0);
 initial assume (\telegram_i.repeatable == 1'b0 && \telegram_i.repeated == 1'b0 && \telegram_i.is_stop == 1'b0);
 wire image_valid = \licences_i.image_i.held ;
-wire licences_i_free = \licences_i.free_i.held ;
 wire one_valid = \licences_i.one_i.held ;
 wire all_valid = \licences_i.all_i.held ;
 `ifdef SECOND
@@ -230,6 +227,8 @@ wire [1:0] g_slot = \telegram_i.state == 4'b0011 ? 2'd1 : \telegram_i.state == 4
 wire g_over = \telegram_i.state == 4'b1010;
 // ---- the stop when the master is lost (SAFE-7)
 `ifdef STOP
+(* hierconn *) wire \licences_i.g_stop.free_i.held ;
+(* hierconn *) wire \licences_i.g_stop.free_i.opposite ;
 (* hierconn *) wire \g_loss.loss_i.beat_before ;
 (* hierconn *) wire [19:0] \g_loss.loss_i.limit ;
 (* hierconn *) wire [19:0] \g_loss.loss_i.left ;
@@ -260,6 +259,9 @@ always @(posedge clk) begin
   if (g_past) begin
     // None is licensed without a committed start, or before the time without a commit has passed.
     a_stop_due : assert (stop_due == (g_start && g_limit != 20'd0 && g_since > {1'b0, g_limit} && !g_commits));
+    // As a_stays: nothing but its telegram takes the right to the start bit away.
+    a_stays_free : assert (\licences_i.g_stop.free_i.held == g_free);
+    i_free_half : assert (\licences_i.g_stop.free_i.opposite == !g_free);
     i_stop_beat : assert (\g_loss.loss_i.beat_before == g_beat);
     i_stop_armed : assert (\g_loss.loss_i.armed_i.held == g_start && \g_loss.loss_i.armed_i.opposite == !g_start);
     i_stop_over : assert (\g_loss.loss_i.over_i.opposite == !\g_loss.loss_i.over_i.held );
@@ -286,7 +288,7 @@ always @(posedge clk) begin
         g_heard ? 3'd3 : 3'd2));
     i_halves : assert (\request_i.committed_i.held == g_committed &&
         \request_i.committed_i.opposite == !g_committed && \licences_i.image_i.opposite == !g_image &&
-        \licences_i.free_i.opposite == !g_free && \licences_i.one_i.opposite == !g_one &&
+        \licences_i.one_i.opposite == !g_one &&
         \licences_i.all_i.opposite == !g_all && \telegram_i.licence_i.opposite == !g_held);
     i_codes : assert (g_slot != 2'd0 || g_over || \telegram_i.state == 4'd0);
     i_started : assert (g_started == (g_slot == 2'd3 || g_over));

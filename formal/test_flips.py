@@ -41,7 +41,7 @@ def test_only_the_gate_s_own_registers_flip(gate):
         "telegram_i.licence_i.held_i.half",
         "licences_i.all_i.opposite_i.half",
     } <= names
-    assert {"request_i.ticket[0]", "request_i.ticket[3]"} <= names and len(names) == 31
+    assert {"request_i.ticket[0]", "request_i.ticket[3]"} <= names and len(names) == 30
     assert not any(name.startswith("g_") and "." not in name for name in names)
 
 
@@ -70,11 +70,10 @@ def test_a_promise_that_never_held_is_an_error(gate, monkeypatch):
 
 
 def test_a_register_without_a_path_to_the_promise_is_not_proved(gate):
-    """The gate's `stop`, and `free` before it, end in the telegram's bits, which a_licence leaves open."""
+    """The gate's `stop` ends in the telegram's bits, which a_licence leaves open."""
     leading = flips.leading_to(gate, "commit_gate", ["a_licence", "a_command"])
     apart = {one.name for one in flips.bits(gate, "commit_gate") if (one.cell, one.at) not in leading}
-    free = {"licences_i.free_i.held_i.half", "licences_i.free_i.opposite_i.half"}
-    assert apart == {"telegram_i.stop", "request_i.ticket_is_odd"} | free
+    assert apart == {"telegram_i.stop", "telegram_i.is_stop", "request_i.ticket_is_odd"}
 
 
 def test_the_state_before_a_flip_is_as_deep_as_each_proof():

@@ -12,7 +12,7 @@
 // has seen. An order with an older ticket is refused, so no order is based on an older image.
 // Without a committed write of coils no telegram has telegram_control, which bit 10 of its control
 // word needs (SAFE-1). MASTER_LOSS_STOP = 0: there is no stop, and order_stop is ignored.
-// SECOND_TELEGRAM: of licences.
+// Both parameters are of licences, too.
 // fault: a half of a guarded bit has flipped (SAFE-4). rst comes from the supervisor whenever the
 // firmware restarts. Clock domain: clk.
 `default_nettype none
@@ -119,7 +119,8 @@ module commit_gate #(
   );
 
   licences #(
-      .SECOND_TELEGRAM(SECOND_TELEGRAM)
+      .MASTER_LOSS_STOP(MASTER_LOSS_STOP),
+      .SECOND_TELEGRAM (SECOND_TELEGRAM)
   ) licences_i (
       .clk(clk),
       .rst(rst),

@@ -10,12 +10,14 @@
 // kind: 0 the newest request itself, as long as it is unanswered (no licence is used up; the control
 // word leaves deactivated); 1 image; 2 parameter write for this card; 3 for all.
 // take_stop, with the stop due: the image gets a licence without start, if it has none (SAFE-7).
-// free: a committed write of coils gave the licence of the image, so the start bit may be 1.
+// free: a committed write of coils gave the licence of the image, so the start bit may be 1. Without
+// MASTER_LOSS_STOP nothing else gives it.
 // Clock domain: clk.
 `default_nettype none
 
 module licences #(
-    parameter [0:0] SECOND_TELEGRAM = 1'b0
+    parameter [0:0] MASTER_LOSS_STOP = 1'b0,
+    parameter [0:0] SECOND_TELEGRAM  = 1'b0
 ) (
     input  wire       clk,
     input  wire       rst,
@@ -79,17 +81,6 @@ module licences #(
       .fault(image_fault)
   );
 
-  guarded_bit free_i (
-      .clk  (clk),
-      .rst  (rst),
-      // next value
-      .load (renews_image || used_image),
-      .data (renews_image),
-      // status
-      .value(free),
-      .fault(free_fault)
-  );
-
   guarded_bit one_i (
       .clk  (clk),
       .rst  (rst),
@@ -102,6 +93,22 @@ module licences #(
   );
 
   generate
+    if (MASTER_LOSS_STOP) begin : g_stop
+      guarded_bit free_i (
+          .clk  (clk),
+          .rst  (rst),
+          // next value
+          .load (renews_image || used_image),
+          .data (renews_image),
+          // status
+          .value(free),
+          .fault(free_fault)
+      );
+    end else begin : g_no_stop
+      assign free = 1'b1;
+      assign free_fault = 1'b0;
+    end
+
     if (SECOND_TELEGRAM) begin : g_second
       guarded_bit second_i (
           .clk  (clk),

@@ -153,7 +153,7 @@ bool loopback_poll(struct loopback *l, uint32_t now, const struct leds *leds)
         show_result(l, now, leds_show_is_over(leds));
     else
         advance(l, now, now - l->stage_start);
-    return (state & MAILBOX__EXCHANGE__LOOPBACK_bm) != 0;
+    return (mailbox_read(EXCHANGE) & MAILBOX__EXCHANGE__LOOPBACK_bm) != 0;
 }
 
 uint32_t loopback_leds(const struct loopback *l)

@@ -6,11 +6,11 @@
  *
  * Checked: a process telegram carries coils 1-32 as they are, and goes to all only if each write that it stands for does.
  * No other telegram carries coils. A parameter is that of the request; only a write writes one, to RAM or EEPROM as coil 65
- * says. Coils read as they were written, bit by bit; those of the status are the last of a good reply. When both lines rest, the last process telegram carries coils 1-32 (SAFE-8). A changed
- * image leaves before all else; a committed parameter write leaves unless a newer one of its kind replaces it or the line
- * is never silent (FRAME-7). A telegram is sent twice at most. A reply fits its request, confirms only what the drive has
- * answered, and never answers a broadcast. The settings are those of the committed requests. After the last event a new
- * request is answered and reaches the drive.
+ * says. Coils read as they were written, bit by bit; those of the status are the last of a good reply. When both lines rest,
+ * the last process telegram carries coils 1-32 (SAFE-8). A changed image leaves before all else; a committed parameter write
+ * leaves unless a newer one of its kind replaces it or the line is never silent (FRAME-7). A telegram is sent twice at most.
+ * A reply fits its request, confirms only what the drive has answered, and never answers a broadcast. The settings are those
+ * of the committed requests. After the last event a new request is answered and reaches the drive.
  */
 #include <string.h>
 
@@ -41,7 +41,6 @@ struct request {
     uint8_t pdu[PDU_MAX];
     bool broadcast;
     bool committed;
-    bool ignored;        /* came during the loop-back test or before a restart */
     bool drive_answered; /* the drive sent a good telegram after ours */
 };
 
@@ -198,7 +197,7 @@ static void check_telegram(void)
         at_drive = request_of_telegram();
         commits_before = commits;
     }
-    HOLDS(at_drive && at_drive->committed && !at_drive->ignored);
+    HOLDS(at_drive && at_drive->committed);
     HOLDS(m.telegram[0] == (m.no_reply ? ADR_BROADCAST : ADR_DRIVE));
     HOLDS(m.kind == KIND_IMAGE || m.no_reply == at_drive->broadcast);
     HOLDS(++at_drive->sent <= (TRAITS.text_by_size ? 4 : 2));
@@ -245,7 +244,7 @@ static void check_reply(void)
 
     if (m.loopback)
         return;
-    HOLDS(newest && newest->committed && !newest->ignored && !newest->broadcast);
+    HOLDS(newest && newest->committed && !newest->broadcast);
     HOLDS(reply[0] == ADDRESS);
     if (pdu[0] & 0x80) {
         HOLDS(pdu[0] == (newest->pdu[0] | 0x80) && m.reply_length == 3);
@@ -306,7 +305,6 @@ static void event_candidate(void)
     memset(newest, 0, sizeof *newest);
     newest->length = take_request(input, newest->pdu);
     newest->broadcast = (take(input) & 7) == 7;
-    newest->ignored = m.loopback;
     newest->after = model;
     newest->status = status;
     newest->intent = model_request(&newest->after, newest->pdu, newest->length);
@@ -320,17 +318,15 @@ static void event_commit(void)
 
     newest->committed = true;
     commits++;
-    if (!newest->ignored) {
-        model = newest->after;
-        rounds_to_commit = polled ? 1 : 2;
-    }
-    if (!newest->ignored && newest->intent == INTENT_WRITE) {
+    model = newest->after;
+    rounds_to_commit = polled ? 1 : 2;
+    if (newest->intent == INTENT_WRITE) {
         writes[unit] = newest;
         order[unit] = commits;
         if (unit == FOR_ONE)
             may_follow = NULL;
     }
-    if (!newest->ignored && newest->intent == INTENT_PROCESS) {
+    if (newest->intent == INTENT_PROCESS) {
         changed[unit] = true;
         of_coils = newest;
     }
@@ -535,26 +531,15 @@ static void seal_image(void)
     }
 }
 
-/* A request that was there comes once more before the firmware has started: it is not served. */
 static void restart(void)
 {
-    const bool committed = m.is_committed;
-    const bool returns = m.is_candidate || committed;
-
     if (m.loopback)
         event_telegram_ends();
     mailbox_restart(&m);
-    if (returns) {
-        newest->ignored = true;
-        mailbox_candidate(&m, m.request, newest->pdu, newest->length, newest->broadcast);
-        if (committed)
-            mailbox_commit(&m);
-    } else {
-        newest = NULL;
-    }
+    newest = NULL;
     model_init(&model);
     memset(&g, 0, sizeof g);
-    writes[FOR_ONE] = writes[FOR_ALL] = of_coils = NULL;
+    writes[FOR_ONE] = writes[FOR_ALL] = of_coils = may_follow = NULL;
     changed[FOR_ONE] = changed[FOR_ALL] = due = writes_due = told = false;
     polled = false;
     rounds_to_commit = rounds_to_bcc = 0;
@@ -624,7 +609,8 @@ static void event(uint32_t how)
     switch (how & 15) {
     case 0:
     case 1:
-        if (!m.is_candidate && polled)
+        /* What the loop-back test hears of itself is no request. */
+        if (!m.is_candidate && polled && !(m.loopback && m.sending))
             event_candidate();
         break;
     case 2:

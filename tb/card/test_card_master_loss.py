@@ -161,15 +161,18 @@ def test_the_card_or_the_firmware_alone_sends_none(option: bool, image: str):
         assert master.image() == START
 
 
-LICENCE = "mailbox_i.gate_i.g_loss.loss_i."
+OF_STOP = tuple(
+    f"mailbox_i.gate_i.{pair}"
+    for pair in ("g_loss.loss_i.armed_i", "g_loss.loss_i.over_i", "licences_i.g_stop.free_i")
+)
 
 
 GATE = "mailbox_i.gate_i."
 PAIRS = (
     *(f"{GATE}{pair}" for pair in ("request_i.committed_i", "telegram_i.licence_i")),
-    *(f"{GATE}licences_i.{pair}" for pair in ("image_i", "free_i", "one_i", "g_second.second_i", "all_i")),
+    *(f"{GATE}licences_i.{pair}" for pair in ("image_i", "one_i", "g_second.second_i", "all_i")),
     "network_i.rtu_rx_i.bank_i",
-    *(pytest.param(f"{LICENCE}{pair}", marks=pytest.mark.nightly) for pair in ("armed_i", "over_i")),
+    *(pytest.param(pair, marks=pytest.mark.nightly) for pair in OF_STOP),
 )
 
 
@@ -177,7 +180,7 @@ PAIRS = (
 @pytest.mark.parametrize("pair", PAIRS)
 def test_a_flipped_half_of_any_guarded_bit_restarts_the_firmware(pair: str):
     """Register 40002 then has its default again."""
-    option = pair.startswith(LICENCE)
+    option = pair in OF_STOP
     with Master(option=option, image="stop" if option else "", extra="flips") as master:
         for half in ("held_i", "opposite_i"):
             master.set_wait(TENS)
