@@ -219,7 +219,8 @@ void diagnostics_commit(const struct transaction *txn)
     if (txn->reply_length == 0 && !(txn->broadcast && txn->telegram_length != 0))
         return;
     diagnostics_done(txn);
-    if (txn->out.reply[0] == DIAGNOSTIC && (txn->address == SUB_RESTART || txn->address == SUB_CLEAR))
+    if (txn->function == DIAGNOSTIC && txn->reply_length == PDU_DIAGNOSTIC &&
+        (txn->address == SUB_RESTART || txn->address == SUB_CLEAR))
         clear();
 }
 

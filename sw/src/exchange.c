@@ -57,7 +57,7 @@ static void repeat_or_abandon(struct gateway *g)
 
 /* ---- a telegram that leaves */
 
-/* Only a line that is not silent holds a telegram back. The image goes before all else, and whatever is committed before
+/* Only a line that is not silent holds a telegram back. Stop and image go before all else, and whatever is committed before
  * a reading that is not the newest request any more, and before a repeat. */
 static bool is_to_wait(struct gateway *g)
 {
@@ -65,7 +65,7 @@ static bool is_to_wait(struct gateway *g)
         g->wait_start = g->now;
         return true;
     }
-    if (timed_out(g) || g->image_change != 0)
+    if (timed_out(g) || g->image_change != 0 || orders_stop_is_due(g))
         return false;
     return !((g->repeated || (g->at_drive->target == TARGET_READING && !is_newest(g))) && orders_wait(g));
 }

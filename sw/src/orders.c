@@ -73,8 +73,7 @@ void orders_stop_waiting(struct gateway *g)
     g->waiting[1] = 0;
 }
 
-/* A candidate decides first: with its commit the master is back (SAFE-7). */
-static bool stop_is_due(const struct gateway *g)
+bool orders_stop_is_due(const struct gateway *g)
 {
     return MASTER_LOSS_STOP && !g->network_online && g->state != REQUEST_PREPARED &&
            translate_is_running(&g->translator) && mailbox_read(EXCHANGE) & MAILBOX__EXCHANGE__STOP_DUE_bm;
@@ -88,7 +87,7 @@ static bool newer_write_waits(const struct gateway *g)
 bool orders_wait(const struct gateway *g)
 {
     return g->image_change != 0 || newer_write_waits(g) || (g->asks_drive && g->state == REQUEST_COMMITTED) ||
-           stop_is_due(g);
+           orders_stop_is_due(g);
 }
 
 /* ---- the order */
@@ -153,7 +152,8 @@ static void start_image(struct gateway *g)
     g->image_change = 0;
 }
 
-/* SAFE-7: the image shows the stop only if the gate took the order: with a commit just now its licence is gone. */
+/* SAFE-7: in place of a start that has not left. The image shows the stop only if the gate took the order: with a commit
+ * just now its licence is gone. */
 static void start_stop(struct gateway *g)
 {
     struct transaction *txn = request_spare(g);
@@ -164,6 +164,7 @@ static void start_stop(struct gateway *g)
     if (!(mailbox_read(EXCHANGE) & (MAILBOX__EXCHANGE__QUEUED_bm | MAILBOX__EXCHANGE__STARTED_bm)))
         return;
     g->translator.settings.word[CONTROL] = control;
+    g->image_change = 0;
     g->image_ordered = IMAGE_FOR_ONE;
     g->image_is_newer = true;
 }
@@ -174,16 +175,16 @@ static uint32_t action_of(const struct gateway *g)
     return g->state == REQUEST_PREPARED ? (uint32_t)g->newest->target << MAILBOX__TELEGRAM__ACTION_bp : ACTION(FIRST);
 }
 
-/* The image or the stop, the writes in the order of commit, the newest request (FRAME-7). While a candidate decides, only
+/* The stop or the image, the writes in the order of commit, the newest request (FRAME-7). While a candidate decides, only
  * its own telegram may be ordered: what waits may look different after its commit. */
 void orders_next(struct gateway *g)
 {
     if (g->state == REQUEST_PREPARED && (g->image_change != 0 || g->waiting[0]))
         return;
-    if (g->image_change != 0)
-        start_image(g);
-    else if (stop_is_due(g))
+    if (orders_stop_is_due(g))
         start_stop(g);
+    else if (g->image_change != 0)
+        start_image(g);
     else if (g->waiting[0]) {
         g->image_is_newer = false; /* what else waits is newer than this write */
         start(g, g->waiting[0], ACTION(WRITE));

@@ -237,7 +237,5 @@ uint32_t translate_stopped(const struct translator *t)
 void translate_image(struct transaction *txn, uint32_t control, bool broadcast)
 {
     txn->broadcast = broadcast;
-    if (TRAITS.text_by_size)
-        txn->again = false; /* txn may have been another request's */
     (void)telegram_process(txn, control, TARGET_IMAGE);
 }

@@ -463,6 +463,10 @@ FRAME-7: a newer image leaves before it
 MAP-8: a write by 06 has no second telegram, whether it is the newest request or not
     ask 06_14D1_4142; drive NOT_WRITTEN; sent-count 1; ask 06_14D1_4142; local READ_INDEX;
     drive NOT_WRITTEN; wait 500; sent-count 2; local READ_INDEX
+FRAME-7: a newer reading is not lost as an older one is refused
+    ask READ_TEXT; +data NO_NUMBER; poll; offer READ_514; +bcc; poll; commit;
+    sent ASK_NUMBER 81_1202_0000_0000_0000_0000_0000; answers 1202_0000_0000_012C_0F03_2000;
+    replied 01_03_04_0000_012C
 FRAME-7: a newer write of its kind takes its place
     ask WRITE_TEXT; request 06_040F_003C; drive NOT_WRITTEN; sent-from 1 81_2068_0000_0000_003C_0000_0000;
     answers 1068_0000_0000_003C_0F03_2000; replied 01_06_040F_003C; wait 500; sent-count 2
@@ -675,6 +679,17 @@ def test_a_broadcast_is_counted_although_it_leaves_with_a_write_for_this_card(di
     bench.mailbox.pause_over()
     bench.drive_answers(H(RUNNING))
     assert bench.telegrams == [SEND_START] and bench.events() == 1
+
+
+@pytest.mark.rule("MAP-10", "MAP-9")
+@each_row("pdu", ["05 000A FF00", "05 0001 0000", "0F 000A 0001 01 01"])
+def test_a_broadcast_clears_no_counter(pdu: str):
+    """Although its transaction was that of a diagnostic request, whose bytes it still has."""
+    bench = DiagnosedBench(Build(STANDARD, on_card=True))
+    bench.asks("08 0000 1234")
+    bench.ask_drive(H(pdu), broadcast=True)
+    bench.wait(10)
+    assert bench.count(14) == 3 and bench.events() == 3
 
 
 @pytest.mark.rule("MAP-10")

@@ -446,9 +446,16 @@ SAFE-7, FRAME-7: what waits leaves after the stop
     sent-from 4 US:TELEGRAM_OF_207; answers TELL_207; sent-from 5 ASK_514
 SAFE-7, SAFE-8: a write after the stop merges into the image that shows it
     wait 85; answers STATUS; request 05_0001_FF00; sent SEND_START SEND_STOP 81_043E_1999
-SAFE-7, SAFE-8: a start that could not leave before the loss is followed by the stop
-    busy; request 05_0001_FF00; wait 85; sent SEND_START; +free; poll; answers STATUS;
-    sent-from 1 81_047E_1999 81_043E_1999; answers STATUS; local READ_CONTROL; replied-last 01_01_02_3E04
+SAFE-7, SAFE-8: a start that could not leave before the loss leaves no more
+    busy; request 05_0001_FF00; wait 85; sent SEND_START; +free; poll; sent SEND_START 81_043E_1999; ends;
+    wait 160; sent-from 1 81_043E_1999*2; answers STATUS; wait 1000; sent-count 3; local READ_CONTROL;
+    replied-last 01_01_02_3E04
+SAFE-7: nor does a start that waits behind an exchange, or was for all
+    request READ_514; request-all 05_0001_FF00; wait 85; answers TELL_514;
+    sent SEND_START ASK_514 81_043E_1999
+SAFE-7, FRAME-7: nothing else that waits for the line leaves before the stop
+    busy; request SET_207; wait 85; +free; poll; sent SEND_START SEND_STOP; answers STATUS;
+    sent-from 2 US:TELEGRAM_OF_207
 SAFE-7: a candidate that commits prevents the stop
     wait 75; offer READ_IND; wait 20; sent SEND_START; commit; wait 20; sent SEND_START
 SAFE-7: a candidate that is revoked delays the stop

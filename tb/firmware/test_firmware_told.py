@@ -28,6 +28,9 @@ REQUESTS = [
 ]
 READ_IMAGE = H("01 0000 0020")
 FAULTS = (0, 5, 130)
+STEP_MS = 5
+SLACK_MS = 2 * STEP_MS
+NEVER = float("inf")
 LOSS_MS = 700  # longer than 40002 below, and than an exchange with its repeat
 
 
@@ -51,10 +54,26 @@ class Rounds:
         self.told: list[list] = []
         self.seen = 0
         self.log: list[str] = []
+        self.timeout = NEVER  # register 40002
+        self.heard = 0  # when the last good frame came
+        self.late = ""  # a start that left after the master was lost
 
     def count(self) -> None:
         new, self.seen = self.bench.telegrams[self.seen :], len(self.bench.telegrams)
         self.told += [[telegram, False] for telegram in new]
+        silent = self.bench.mailbox.time - self.heard
+        starts = [telegram.hex(" ") for telegram in new if len(telegram) == 5 and telegram[2] & 0x40]
+        if starts and silent > self.timeout + SLACK_MS and not self.late:
+            self.late = f"{starts[0]} after {silent} ms without a good frame (SAFE-7)"
+
+    def set_timeout(self, tens: int) -> None:
+        self.bench.local(H("06 0001") + bytes([0, tens]))
+        self.timeout, self.heard = 10 * tens, self.bench.mailbox.time
+
+    def wait(self, ms: int) -> None:
+        for _ in range(0, ms, STEP_MS):
+            self.bench.wait(min(ms, STEP_MS))
+            self.count()
 
     def drive(self, good: bool, fault: int | None = None) -> None:
         self.count()
@@ -74,7 +93,11 @@ class Rounds:
             self.log.append(f"{request}{' to all' * broadcast}")
             bench.offer(H(request), broadcast)
             bench.wait(rng.choice((0, 0, 0, 1, 4)))
-            (bench.commit if rng.random() < 0.85 else bench.character)()
+            if rng.random() < 0.85:
+                bench.commit()
+                self.heard = bench.mailbox.time
+            else:
+                bench.character()
         elif what == "character":
             bench.character()
         elif what == "ends":
@@ -87,10 +110,11 @@ class Rounds:
             bench.mailbox.pause_over()
             bench.poll()
         elif what == "wait":
-            bench.wait(rng.choice((1, 5, 20, 160, 160, 400)))
+            self.wait(rng.choice((1, 5, 20, 160, 160, 400)))
         else:
             bench.restart()
             self.told.clear()
+            self.timeout = NEVER
         self.count()
 
     def rest(self) -> None:
@@ -114,13 +138,14 @@ def test_at_rest_the_drive_was_told_what_the_image_shows(made: Build):
     for _ in range(cases(100, 400)):
         rounds = Rounds(made, random.Random(seed := rng.random()))
         if made.option == "MASTER_LOSS_STOP":
-            rounds.bench.local(H("06 0001") + bytes([0, rounds.rng.choice((3, 8, 20, 60))]))
+            rounds.set_timeout(rounds.rng.choice((3, 8, 20, 60)))
         for _ in range(rounds.rng.randint(8, 40)):
             rounds.step()
         rounds.rest()
         if made.option == "MASTER_LOSS_STOP":
-            rounds.bench.wait(LOSS_MS)
+            rounds.wait(LOSS_MS)
             rounds.rest()
+        assert not rounds.late, f"{rounds.late}; seed {seed}: {'; '.join(rounds.log)}"
         image = rounds.image()
         sent = [(build(telegram[1:], adr=telegram[0]), good) for telegram, good in rounds.told]
         what = f"seed {seed}: {'; '.join(rounds.log)}"
