@@ -404,7 +404,8 @@ module rtu2fc #(
       .fault(gate_fault),
       .loopback_open(loopback_open),
       .loopback_heard(loopback_heard),
-      .restarts(restarts),
+      // Only the diagnostic functions tell the restarts, and they do not fit the small card.
+      .restarts(SOFT_CORE == 0 ? restarts : 8'd0),
       // status
       .ticks(ticks),
       // LEDs
