@@ -194,6 +194,7 @@ def test_difference_gives_a_small_replayable_case_and_a_waveform(tmp_path):
             {"events": [{"gap": ["idle", 1.0], "pulses": [1], "bytes": "01"}]},
             "one of 'bytes', 'pdu', 'pulses'",
         ),
+        ({"events": [{"gap": ["at", 1], "bytes": "01"}]}, "event 0: 'gap' cannot be"),
         ({"events": [{"gap": ["idle", 1], "bytes": "01", "drive": [{"gpa": 3}]}]}, "event 0, drive: 'gpa'"),
     ],
 )
