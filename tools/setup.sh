@@ -8,7 +8,7 @@
 #   tools/setup.sh --command NAME        prints the name of clang or clang-tidy here, such as clang-14
 #
 # Layers: demo (the virtual card and its masters), test (make test), views (Wireshark, sigrok), pages (Chromium),
-# lint, firmware (fuzzers and coverage of the firmware), synth (place and route), docs (the documentation site), all.
+# lint, firmware (fuzzer and coverage of the firmware), synth (place and route), docs (the documentation site), all.
 # masters (the Debian packages of `make masters`) and machines (Dask, for the campaigns' ON=ADDRESS) are not part of all: no
 # test needs them.
 # Megabytes of each layer alone, on Debian 12.11, amd64:

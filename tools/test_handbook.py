@@ -285,3 +285,34 @@ def test_the_calls_of_pymodbus_make_the_requests():
     for text, request in zip(shown, (one.request for one in played if one.reply is not None), strict=True):
         called = eval(text, {"client": Recorder(), "bool": bool, "range": range})
         assert called == (request[0], *as_pymodbus_call(request)), text
+
+
+def made_by_mbpoll(command: str) -> bytes:
+    """The request of this command line: one value goes out by 05 or 06, several by 0F or 10."""
+    words, values = command.split(f" {handbook_examples.PORT}")
+    program, *options = words.split()
+    assert program == "mbpoll" and options.count("-1") == 1, command
+    options.remove("-1")
+    given = dict(zip(options[::2], options[1::2], strict=True))
+    assert {given.pop("-m"), given.pop("-b"), given.pop("-P"), given.pop("-s")} == {
+        "rtu",
+        "9600",
+        "none",
+        "2",
+    }
+    unit, first, coils = int(given.pop("-a")), int(given.pop("-r")) - 1, given.pop("-t") == "0"
+    written = [int(value) for value in values.split()]
+    if not written:
+        read = rtu.read_coils if coils else rtu.read_registers
+        return rtu.build(unit, read(first, int(given.pop("-c"))))
+    assert not given, f"{command}: {given}"
+    if len(written) > 1:
+        return rtu.build(unit, (rtu.write_coils if coils else rtu.write_registers)(first, written))
+    return rtu.build(unit, (rtu.write_coil if coils else rtu.write_register)(first, written[0]))
+
+
+def test_the_commands_of_mbpoll_make_the_requests():
+    shown = re.findall(r"^mbpoll    (.*) → ", (PAGES / "examples.md").read_text(), re.MULTILINE)
+    played = (one for example in handbook_examples.EXAMPLES for one in handbook_examples.play(example))
+    for command, request in zip(shown, (one.request for one in played if one.reply is not None), strict=True):
+        assert made_by_mbpoll(command) == request, command

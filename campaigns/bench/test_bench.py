@@ -18,7 +18,7 @@ import pytest
 
 from campaigns.bench import fingerprint
 from campaigns.bench.card import EXTRA_SILENCE_BITS, UNIT_ADDRESS, Bench
-from campaigns.bench.cases import CASES, Model
+from campaigns.bench.cases import CASES, Model, random_requests
 from campaigns.bench.conformance import boundary
 from campaigns.bench.judge import Outcome, measure
 from campaigns.bench.traffic import example_drive
@@ -28,6 +28,8 @@ from sim.harness.pins import decode
 from sw.tools import stack
 from tb.agents import rtu
 from tb.lib.rows import each_row
+from tb.model.card import Step
+from tb.model.fc_telegram import build_process
 from tb.model.wire import CardCharacter, LineFormat, drive_line
 
 SEED = int(os.environ.get("COCOTB_RANDOM_SEED", "1"))
@@ -271,6 +273,21 @@ def test_bench_detects_unrequested_traffic() -> None:
     honest.run = run_and_send
     outcome.finish(honest)
     assert "drive_de moves" in "".join(outcome.faults)
+
+
+def test_bench_detects_an_image_that_the_drive_was_not_told() -> None:
+    """SAFE-8: the image of a card that was just switched on is zero."""
+    outcome, honest = Outcome(), Bench(LINE)
+    honest.told = [(build_process(0x047C, 0x2000), True)]
+    outcome.finish(honest)
+    assert "(SAFE-8)" in "".join(outcome.faults)
+
+
+def test_every_random_request_is_compared_with_the_model(monkeypatch) -> None:
+    """Against a card whose model knows no parameter."""
+    monkeypatch.setattr(Model, "ask", lambda *_, **__: Step(reply=bytes([0x83, 0x40])))
+    outcome = random_requests(RATE, "8E1", 6, seed=SEED)
+    assert any("replies" in fault or "telegrams" in fault for fault in outcome.faults)
 
 
 def test_boundary_is_found_from_both_sides() -> None:

@@ -23,6 +23,7 @@ from sim.card.demo import manual_examples, spaced
 from sim.card.run_card import CARD, Frame, Port, RunningCard
 from tb.agents.crc16 import with_crc
 from tb.lib.nightly import first
+from tb.lib.rows import each_row
 from tb.model.card import DIALECTS, VERSION
 from tb.model.examples import EXAMPLES
 from tb.model.vlt_drive import PROFILES
@@ -218,6 +219,15 @@ def test_a_foreign_drive_has_wall_time_to_answer_at_full_speed(tmp_path):
             assert master.read(9) == reply_of("ex5-read-514")
         assert card.stop() == 0
         assert len(of(card.frames(), "drive", "card")) == 1
+
+
+# ---------------------------------------------------------------- the simulated drive
+@each_row(("profile", "reply"), [("vlt6000", "01 83 00"), ("vlt8000", "01 03 02 00 64")])
+def test_the_profile_chooses_the_drive(tmp_path, profile: str, reply: str):
+    """Parameter 640, which the VLT 6000 has not."""
+    expected = with_crc(bytes.fromhex(reply))
+    with RunningCard(tmp_path, "--profile", profile, "--speed", "max") as card, RawPort(card.link) as master:
+        assert master.ask(with_crc(bytes.fromhex("01 03 18 FF 00 01")), len(expected)) == expected
 
 
 # ---------------------------------------------------------------- the switches
