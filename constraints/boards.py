@@ -533,7 +533,8 @@ def pin_page() -> str:
 
 Written by `make pins` from the pin files in `constraints/`. Each input has a pull-up inside the part, but
 `clk` and a switch to the supply. Pins are LVCMOS33, those with *1.8 V* LVCMOS18. *Outputs* are strength and
-slope, fixed on iCE40. An empty cell: not connected on that board. The circuit around the pins is in [hardware.md](../guide/hardware.md).
+slope, fixed on iCE40. An empty cell: not connected on that board. The circuit around the pins is in
+[hardware.md](../guide/hardware.md).
 
 {pin_table()}
 """
