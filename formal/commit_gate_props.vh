@@ -3,7 +3,7 @@
 //
 // The ghosts (g_*) follow the rules from the strobes alone: the newest request, the licences that commits gave and
 // telegrams used, and the telegram that was ordered last. STOP: MASTER_LOSS_STOP = 1.
-// SECOND: SECOND_TELEGRAM = 1. LIVE: with what the firmware does, a changed image leaves in time.
+// SECOND: SECOND_TELEGRAM = 1. LIVE adds assumptions about the firmware, and proves that a changed image leaves in time.
 // Assumed of rtu_rx, and proved there: no revoke together with candidate or commit, and no commit with a candidate. A start
 // bit comes before each candidate. broadcast and writes_* change with a candidate only. Assumed of network_port: a line
 // on which a character begins is not silent, a quiet line is. Assumed of mailbox_regs: one order in a clock. Assumed of

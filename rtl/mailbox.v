@@ -3,8 +3,8 @@
 //
 // The firmware sees both ports through the registers and orders replies and telegrams there; the
 // commit gate decides what leaves. The frames themselves are in the memory, see bus_arbiter.
-// MASTER_LOSS_STOP, SECOND_TELEGRAM: of commit_gate. core_rst: reset of the soft core; it also empties the commit
-// gate. Only wires in here. Clock domain: clk. Rules: FRAME-5, FRAME-6, FRAME-7, SAFE-1, SAFE-7.
+// MASTER_LOSS_STOP, SECOND_TELEGRAM: of commit_gate. core_rst: reset of the soft core; it also
+// empties the commit gate. Only wires in here. Clock domain: clk. Rules: FRAME-5, FRAME-6, FRAME-7, SAFE-1, SAFE-7.
 `default_nettype none
 
 module mailbox #(

@@ -9,7 +9,7 @@
  * says. Coils read as they were written, bit by bit; those of the status are the last of a good reply. When both lines rest,
  * the last process telegram carries coils 1-32 (SAFE-8). A changed image leaves before all else; a committed parameter write
  * leaves unless a newer one of its kind replaces it or the line is never silent (FRAME-7). A telegram is sent twice at most.
- * A reply fits its request, confirms only what the drive has answered, and never answers a broadcast. The settings are those
+ * A reply fits its request and confirms only what the drive has answered. A broadcast gets no reply. The settings are those
  * of the committed requests. After the last event a new request is answered and reaches the drive.
  */
 #include <string.h>
