@@ -5,7 +5,8 @@
 // regs_rdata: its value, in the same clock or, from a synchronous memory, in the next. regs_write:
 // in this clock the register becomes regs_wdata. A write of several registers takes a clock each,
 // without a pause, at the commit, 3.5 characters after the request. The two bytes of a value are
-// read at once; each register is read when its turn in the reply comes.
+// read at once; each register is read when its turn in the reply comes. At other times regs_addr is any
+// number, and there is no strobe for a read.
 // A request has at most 12 registers. Exceptions: 01 other function, 02 no such register, 03 a
 // wrong length or number. A broadcast writes and gets no reply; a function above 127, the exception of
 // another slave, gets none. rst: synchronous, a clock or more.
@@ -15,9 +16,10 @@
 module modbus_slave #(
     parameter CLK_HZ = 12_000_000,  // of clk, from 16 * BAUD to 100 MHz; 64 * BAUD is better
     parameter BAUD = 19_200,  // bit/s, 300 to 115200
-    parameter PARITY = 2,  // 0: none, two stop bits; 1: odd; 2: even
+    parameter PARITY = 2,  // 0: none, two stop bits; 1: odd; 2: even; 3: none, one stop bit
     parameter ADDRESS = 1,  // of the slave, 1 to 247
     parameter REPLY_DELAY = 0,  // ms from the commit to the reply, 0 to 250, for slow masters
+    parameter STRICT_T15 = 1,  // 0: a gap of up to t3.5 does not end a frame, for USB adapters
     parameter REGISTERS = 8  // 1 to 65536
 ) (
     input  wire        clk,
@@ -33,12 +35,12 @@ module modbus_slave #(
     output wire [15:0] regs_wdata
 );
 
-  // 16 ticks a bit. Half a character is 5.5 bits, above 19200 bit/s 250 us.
+  // 16 ticks a bit. Half a character is 5.5 bits, with 8N1 5; above 19200 bit/s 250 us.
   localparam [63:0] STEP = ((64'd1 << 24) * 16 * BAUD + CLK_HZ / 2) / CLK_HZ;
-  localparam [31:0] HALF = BAUD > 19_200 ? (BAUD + 125) / 250 : 88;
+  localparam [31:0] HALF = BAUD > 19_200 ? (BAUD + 125) / 250 : PARITY == 3 ? 80 : 88;
   localparam [31:0] UNIT = ADDRESS;
   localparam [31:0] DELAY = REPLY_DELAY * ((CLK_HZ + 999) / 1000);
-  localparam DELAY_BITS = $clog2(DELAY + 1) + 1;
+  localparam DELAY_BITS = $clog2(DELAY + 2) + 1;
   localparam [15:0] MOST = 16'd12;  // the frame memory holds 32 bytes, 7 of them before the data
 
   reg [24:0] phase;
@@ -166,12 +168,12 @@ module modbus_slave #(
       .tx(tx),
       .de(de),
       // configuration
-      .parity_enable(PARITY != 0),
+      .parity_enable(PARITY == 1 || PARITY == 2),
       .parity_odd(PARITY == 1),
       .two_stop(PARITY == 0),
       .half_end(HALF[8:0] + 9'd17),
       .half_uneven(1'b0),
-      .strict_t15(1'b1),
+      .strict_t15(STRICT_T15 != 0),
       .break_tolerant(1'b0),
       .own_address(UNIT[7:0]),
       .loopback_open(1'b0),
@@ -207,14 +209,17 @@ module modbus_slave #(
     if (CLK_HZ < 16 * BAUD || CLK_HZ > 100_000_000) begin : g_clock_mistake
       CLK_HZ_is_not_between_16_BAUD_and_100_MHz mistake_i ();
     end
-    if (PARITY < 0 || PARITY > 2) begin : g_parity_mistake
-      PARITY_is_not_0_1_or_2 mistake_i ();
+    if (PARITY < 0 || PARITY > 3) begin : g_parity_mistake
+      PARITY_is_not_between_0_and_3 mistake_i ();
     end
     if (ADDRESS < 1 || ADDRESS > 247) begin : g_address_mistake
       ADDRESS_is_not_between_1_and_247 mistake_i ();
     end
     if (REPLY_DELAY < 0 || REPLY_DELAY > 250) begin : g_delay_mistake
       REPLY_DELAY_is_not_between_0_and_250 mistake_i ();
+    end
+    if (STRICT_T15 < 0 || STRICT_T15 > 1) begin : g_t15_mistake
+      STRICT_T15_is_not_0_or_1 mistake_i ();
     end
     if (REGISTERS < 1 || REGISTERS > 65_536) begin : g_registers_mistake
       REGISTERS_is_not_between_1_and_65536 mistake_i ();
