@@ -55,8 +55,10 @@ def test_the_images_are_those_of_a_release():
     assert listed.keys() == boards().keys()
     dialects = ("card", "builtin", "hvac-basic")
     for name, entry in boards().items():
-        _, suffix, firmware = listed[name]
-        firmware = listed["icebreaker"][2] if firmware.startswith("as for") else firmware
+        _, suffix, lockstep, firmware = listed[name]
+        cores = int(configurations()[entry.config]["soft_core"] == "picorv32")
+        assert lockstep == str(entry.parameters.get("LOCKSTEP", cores))
+        firmware = listed["icebreaker"][3] if firmware.startswith("as for") else firmware
         named = re.findall("`(.+?)`", firmware)
         ends = ["", *(end for end in named if end.startswith("-"))]
         wanted = {one + end for one in (dialects if len(named) > 1 else ("card",)) for end in ends}
