@@ -218,10 +218,11 @@ def test_each_reason_has_the_code_of_the_model(dialect):
 
 def test_times_of_the_card():
     values = {row["time"]: row["value"] for row in rows("exceptions", "time")}
-    assert values["start"] == "20 ms, small card 60 ms"
+    assert values["start"] == "20 ms, small card (`tiny`) 60 ms"
     assert values["pause on the drive line"] == "2.29 ms"
     assert values["wait for the drive"] == "40003 \N{MULTIPLICATION SIGN} 10 ms, 150 ms by default"
-    assert values["network time-out"] == "40002 \N{MULTIPLICATION SIGN} 10 ms, 10 s by default; 0: never"
+    never = "0: never, also for the option"
+    assert values["network time-out"] == f"40002 \N{MULTIPLICATION SIGN} 10 ms, 10 s by default; {never}"
     assert values["loop-back test"] == "listens 1 s, shows its result 12 s"
 
 
