@@ -6,6 +6,8 @@ The option is a parameter of the card and an image of the firmware: both are nee
 
 from __future__ import annotations
 
+import random
+
 import pytest
 
 from tb.agents import rtu
@@ -13,7 +15,10 @@ from tb.lib.card import MS
 from tb.lib.config import ROUND_MS
 from tb.lib.fast_card import FastCard
 from tb.lib.nightly import first
+from tb.lib.seeds import cases, seeded
 from tb.model.fc_telegram import build
+from tb.model.lines import image_of, words_of
+from tb.model.told import not_told
 
 pytestmark = pytest.mark.rule("SAFE-7")
 OPTION = (("MASTER_LOSS_STOP", 1),)
@@ -24,12 +29,20 @@ TICK_MS = 1000 / 1200
 TENS = 8
 # The gate rounds up to a tick, so does the firmware, and it acts in its next round.
 LATE_MS = 3 * TICK_MS + ROUND_MS
+# For the drive's answer, the default of 40003 and less what is unsure.
+WAIT_MS = 140
 # From the commit of a write to the end of its reply.
 REPLIED_MS = 35
 
 
 def telegram(control: int, reference: int = REFERENCE, adr: int = 0x81) -> bytes:
     return build(control.to_bytes(2, "big") + reference.to_bytes(2, "big"), adr)
+
+
+def starts(sent: bytes) -> bool:
+    """Whether it is a process telegram with the start bit."""
+    words = words_of(sent)
+    return bool(words) and bool(words[1] & 0x40)
 
 
 STOP = telegram(0x043C)
@@ -159,6 +172,82 @@ def test_the_card_or_the_firmware_alone_sends_none(option: bool, image: str):
         master.card.run(400)
         assert master.heard() == []
         assert master.image() == START
+
+
+class UnluckyDrive:
+    """Is silent for some telegrams and late for some. `told`: each, and whether it had a reply in time."""
+
+    def __init__(self, rng: random.Random) -> None:
+        self.rng, self.told = rng, []
+        self.delay_ms, self.card = 3.0, None
+
+    def __call__(self, sent: bytes) -> bytes | None:
+        heard = sent[2] == 0x81 and self.rng.random() > 0.15
+        delay_ms = self.delay_ms * self.rng.choice((1, 1, 3))
+        self.told.append((sent, heard if delay_ms < WAIT_MS else None))
+        self.card.reply_bits = delay_ms * MS / self.card.drive.fmt.bit_ps
+        return build(STATUS) if heard else None
+
+
+class DyingMaster(Master):
+    """Sends a few requests in any order, waits 5 to 60 ms for each reply, and is silent then."""
+
+    def __init__(self, rng: random.Random) -> None:
+        self.rng, self.tens = rng, rng.randint(1, 15)
+        super().__init__(self.tens)
+        self.drive = self.card.drive_model = UnluckyDrive(rng)
+        self.drive.card = self.card
+        self.drive.delay_ms = 3 * 30 ** rng.random()
+        self.commits: list[float] = []
+
+    def some_request(self) -> bytes:
+        control = self.rng.choice((START, START, START, 0x043C, self.rng.randrange(0x10000)))
+        coils = [bool(control >> i & 1) for i in range(16)]
+        pdu = self.rng.choice(
+            (
+                rtu.write_coils(0, coils),
+                rtu.write_coils(0, coils),
+                rtu.write_coil(6, self.rng.random() < 0.8),
+                rtu.write_coil(64, self.rng.random() < 0.5),
+                bytes.fromhex("06 040F 003C"),
+                bytes.fromhex("03 1413 0002"),
+                READING,
+            )
+        )
+        return rtu.build(0 if self.rng.random() < 0.2 and pdu[0] != 3 else 1, pdu)
+
+    def live(self) -> None:
+        for _ in range(self.rng.randint(1, 6)):
+            self.commits.append(self.send(self.some_request()))
+            if self.rng.random() < 0.15:
+                self.card.drive.send(b"\x55" * self.rng.randint(1, 300), self.rng.uniform(0, 20) * MS)
+            self.card.run(self.rng.uniform(5, 60))
+
+    def told_after(self, when_ps: float) -> list[bytes]:
+        """The process telegrams that left after a time."""
+        frames = self.card.drive.frames()
+        return [frame.data for frame in frames if frame.start_ps > when_ps and words_of(frame.data)]
+
+
+@pytest.mark.rule("SAFE-7", "SAFE-8")
+def test_whenever_the_master_dies_the_drive_is_told_to_stop():
+    """Whatever it asked before, however the drive answered, and with noise on the drive's line."""
+    rng, stops = seeded("masters that die"), 0
+    for _ in range(cases(4, 16)):
+        with DyingMaster(rng) as master:
+            for _ in range(3):
+                master.live()
+                due = master.commits[-1] + 10 * master.tens * MS
+                master.card.run(10 * master.tens + 900)
+                assert not any(map(starts, master.told_after(due + LATE_MS * MS))), "a start left too late"
+                assert not any(map(starts, master.told_after(0)[-1:])), "the drive was not told to stop"
+                stops += len(master.told_after(due)) > 0
+                asked = len(master.drive.told)
+                reply = master.card.request(rtu.build(1, rtu.read_coils(0, 32)))
+                assert not_told(master.drive.told, image_of(reply.data)) == ""
+                assert len(master.drive.told) == asked
+                master.commits.append(master.card.now_ps)
+    assert stops, "no master died with a motor that ran"
 
 
 OF_STOP = tuple(
