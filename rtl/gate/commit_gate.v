@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 // The one place that lets anything leave the card: prepare early, commit late (FRAME-6).
 //
-// Only wires in here:
+// Wires, and whether an order is for the newest request:
 //   request_state  the newest request, from candidate to answer
 //   licences       what commits allow the drive to be sent: control image, parameter writes
 //   telegram_slot  the telegram: leaves under a licence, at most once more as a repeat
@@ -12,7 +12,6 @@
 // has seen. An order with an older ticket is refused, so no order is based on an older image.
 // Without a committed write of coils no telegram has telegram_control, which bit 10 of its control
 // word needs (SAFE-1). MASTER_LOSS_STOP = 0: there is no stop, and order_stop is ignored.
-// Both parameters are of licences, too.
 // fault: a half of a guarded bit has flipped (SAFE-4). rst comes from the supervisor whenever the
 // firmware restarts. Clock domain: clk.
 `default_nettype none

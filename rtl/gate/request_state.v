@@ -4,7 +4,7 @@
 //   NONE        no request, or its candidate was revoked
 //   CANDIDATE   a good frame that may go on; a commit needs this state and a silent line
 //   ANSWERABLE  committed; its reply may leave
-//   HEARD       committed, but a character began before its reply, which may not leave now (FRAME-7)
+//   HEARD       committed, but a character began before its reply, which never leaves then (FRAME-7)
 //   ANSWERED    committed, and its reply has left
 //
 // Each candidate gets the next ticket, modulo 16. It ends with a revoke, with the start bit of any

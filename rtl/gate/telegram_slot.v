@@ -12,8 +12,8 @@
 //
 // An order takes the telegram of `kind` (licences) if its ticket is current. It is dropped when the
 // candidate is withdrawn or a newer one comes, when its kind has no licence, and when its memory is
-// written (touched). A telegram that has not left is also dropped by a commit of its own kind, which
-// it does not contain: the firmware orders the newer one. After it has left, such a commit ends its
+// written (touched). A write that has not left is also dropped by a commit of its own kind, which it
+// does not contain: the firmware orders the newer one. A licensed reading may still leave then. After it has left, such a commit ends its
 // repeat. Without a reply (no_reply) there is no repeat. control: bit 10 of the control word may be
 // 1. stop: bit 6, the start, leaves as 0 (SAFE-7), of an image that was ordered as the stop and of
 // one without a committed write of coils. grants_stop: such a telegram gets its licence;

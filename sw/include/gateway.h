@@ -45,7 +45,7 @@ struct gateway {
     struct translator translator;
     struct transaction transactions[WAITING + 2];
     struct transaction *newest;           /* the newest request */
-    struct transaction *at_drive;         /* the last one sent to the drive, maybe the newest */
+    struct transaction *at_drive;         /* whose telegram was ordered last, maybe the newest */
     struct transaction *waiting[WAITING]; /* committed parameter writes that have not left, in order; 0: none */
     uint32_t now;                         /* ticks (ticks.h), as the next two */
     uint32_t committed_at;                /* last commit */
@@ -54,8 +54,8 @@ struct gateway {
     uint8_t ticket;                       /* of newest */
     uint8_t state;                        /* enum request_state */
     bool asks_drive;                      /* the newest request has a telegram, still to be ordered */
-    uint8_t image_change;                 /* of enum image_change: no telegram of it is ordered */
-    uint8_t image_ordered;                /* likewise: its telegram is ordered and has not left */
+    uint8_t image_change;                 /* of enum image_change: committed, and in no ordered telegram */
+    uint8_t image_ordered;                /* likewise: committed, and in one that has not left */
     bool image_is_newer;                  /* than each parameter write that waits (FC-9) */
     uint8_t exchange;                     /* enum exchange_stage */
     uint8_t reply_outcome;                /* enum outcome: of the telegram received for at_drive */

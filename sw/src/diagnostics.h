@@ -11,7 +11,7 @@ handler diagnose, identify, report_server, report_events;
 /* Counts a committed request, and its reply if that needs no drive. Clears the counters if it asked for that. */
 void diagnostics_commit(const struct transaction *txn);
 
-/* Counts the reply that txn->out.reply holds, or a broadcast that was sent to the drive. */
+/* Counts the reply that txn->out.reply holds, or a broadcast at its commit. */
 void diagnostics_done(const struct transaction *txn);
 
 #endif

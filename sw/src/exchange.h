@@ -1,5 +1,5 @@
 /* SPDX-License-Identifier: Apache-2.0 */
-/* The exchange with the drive: which telegram leaves next, its repeat and its end (FRAME-7, FC-9). */
+/* The exchange with the drive: a telegram that leaves, the reply, the repeat and the end (FC-8, FC-9). */
 #ifndef EXCHANGE_H
 #define EXCHANGE_H
 

@@ -5,7 +5,7 @@
 
 #include "gateway.h"
 
-/* Called once at the commit of a request with a telegram: keeps what the drive must be told. */
+/* Called once at each commit: keeps what the drive must be told. */
 void orders_keep(struct gateway *g);
 
 /* The telegram at the drive has left: if it is a parameter write, that waits no more. */
