@@ -180,9 +180,9 @@ class Campaign:
         return fingerprint.judge(self.module.split(".")[1])
 
     def of(self, config: str) -> str:
-        """Card, image and judge; with every dialect the sources, of which their images are made."""
-        images = [fingerprint.firmware(config), *([host.fingerprint()] if self.every_dialect else [])]
-        return " ".join([fingerprint.card(config), *images, self.judge()])
+        """Card, images and judge."""
+        image = (fingerprint.every_image if self.every_dialect else fingerprint.firmware)(config)
+        return " ".join([fingerprint.card(config), image, self.judge()])
 
     def tries(self, rows: dict[str, Row]) -> int:
         """How often the card could have gone wrong, for the bound."""

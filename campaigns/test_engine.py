@@ -318,13 +318,12 @@ def done(campaign: Campaign, case: str) -> tuple[str, str, Row]:
 
 @pytest.mark.parametrize("campaign", FAULTS, ids=lambda campaign: campaign.name)
 def test_results_are_of_one_card_one_image_and_one_judge(monkeypatch, campaign):
-    now = {name: name for name in ("card", "firmware", "judge")}
+    now = {name: name for name in ("card", "firmware", "every_image", "judge")}
     for name in now:
         monkeypatch.setattr(engine.fingerprint, name, lambda *about, name=name: f"{now[name]} {about}")
-    monkeypatch.setattr(engine.host, "fingerprint", lambda: now.setdefault("sources", "sources"))
     before = campaign.of("standard")
     assert before != campaign.of("tiny")
-    for name in ("card", "firmware", "judge", *(["sources"] if campaign.every_dialect else [])):
+    for name in ("card", "every_image" if campaign.every_dialect else "firmware", "judge"):
         was, now[name] = now[name], "another"
         assert campaign.of("standard") != before, name
         now[name] = was

@@ -17,6 +17,7 @@ from collections.abc import Callable
 from functools import partial
 from pathlib import Path
 
+from regs.dialects import DEFAULT, DIALECTS
 from rtl.command import run_main
 from rtl.sources import ROOT, SourcesError, card_files, configurations, without_comments
 from sw.test import host
@@ -76,6 +77,12 @@ def firmware(config: str = "standard", dialect: str = "card") -> str:
     if dialect != "card":
         image = image.parent / dialect / image.name
     return _digest([(config, image.read_text() if image.exists() else "")])
+
+
+def every_image(config: str = "standard") -> str:
+    """The images of all dialects: a change of an option that is off makes the same ones."""
+    dialects = DIALECTS if config == "standard" else [DEFAULT]
+    return _digest([(dialect, firmware(config, dialect)) for dialect in dialects])
 
 
 def imported(*modules: str) -> list[Path]:

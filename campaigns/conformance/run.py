@@ -94,7 +94,8 @@ class Conformance(Campaign):
         }
 
     def of(self, config: str) -> str:
-        return " ".join([*map(fingerprint.card, CARDS), host.fingerprint(), self.judge()])
+        cards = [f"{fingerprint.card(each)} {fingerprint.firmware(each)}" for each in CARDS]
+        return " ".join([*cards, self.judge()])
 
     def subjects(self) -> list[str]:
         return ["standard card", "tiny card", "firmware", "conformance judge"]
