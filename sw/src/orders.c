@@ -75,8 +75,8 @@ void orders_stop_waiting(struct gateway *g)
 
 bool orders_stop_is_due(const struct gateway *g)
 {
-    return MASTER_LOSS_STOP && !g->network_online && g->state != REQUEST_PREPARED &&
-           translate_is_running(&g->translator) && mailbox_read(EXCHANGE) & MAILBOX__EXCHANGE__STOP_DUE_bm;
+    return MASTER_LOSS_STOP && !g->network_online && translate_is_running(&g->translator) &&
+           mailbox_read(EXCHANGE) & MAILBOX__EXCHANGE__STOP_DUE_bm;
 }
 
 static bool newer_write_waits(const struct gateway *g)
@@ -181,7 +181,7 @@ void orders_next(struct gateway *g)
 {
     if (g->state == REQUEST_PREPARED && (g->image_change != 0 || g->waiting[0]))
         return;
-    if (orders_stop_is_due(g))
+    if (g->state != REQUEST_PREPARED && orders_stop_is_due(g))
         start_stop(g);
     else if (g->image_change != 0)
         start_image(g);

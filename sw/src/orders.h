@@ -14,7 +14,8 @@ void orders_stop_waiting(struct gateway *g);
 /* The drive refused the first telegram by type, and the second one is made: keeps it, if it may leave. */
 void orders_again(struct gateway *g);
 
-/* The master is lost, and the drive is to be told (SAFE-7). A candidate decides first: with its commit the master is back. */
+/* The master is lost, and the drive is to be told (SAFE-7). No start leaves then. The stop is ordered when no candidate
+ * decides: with its commit the master is back. */
 bool orders_stop_is_due(const struct gateway *g);
 
 /* Something committed after the request at the drive waits for the drive line, too (FC-9). */

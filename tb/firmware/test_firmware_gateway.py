@@ -460,6 +460,12 @@ SAFE-7: a candidate that commits prevents the stop
     wait 75; offer READ_IND; wait 20; sent SEND_START; commit; wait 20; sent SEND_START
 SAFE-7: a candidate that is revoked delays the stop
     wait 75; offer READ_IND; wait 20; sent SEND_START; character; wait 20; sent SEND_START SEND_STOP
+SAFE-7: while a candidate decides no start leaves after the time
+    busy; request 05_0001_FF00; wait 75; offer READ_IND; wait 20; +free; poll; sent SEND_START; character;
+    wait 20; sent SEND_START 81_043E_1999
+SAFE-7: with the commit of a candidate a start that was taken back leaves
+    busy; request 05_0001_FF00; wait 75; offer READ_IND; wait 20; +free; poll; sent SEND_START; commit;
+    wait 5; sent SEND_START 81_047E_1999
 SAFE-7: a drive that was stopped gets no stop
     request 0F_0000_0010_02_3C04; answers STATUS; wait 1000; sent SEND_START SEND_STOP
 SAFE-7: a drive that was stopped gets no stop whatever its other bits
