@@ -635,6 +635,22 @@ def test_an_answer_for_a_silent_drive_is_counted_as_an_exception(diagnosed_card:
     assert bench.replies[-1] == H("01 83 FF") and bench.count(13) == 1 and bench.events() == 1
 
 
+@pytest.mark.rule("MAP-10", "FC-9")
+def test_a_command_that_got_255_is_not_counted_as_done_when_it_leaves(diagnosed_card: DiagnosedBench):
+    bench = diagnosed_card
+    bench.ask_drive(START)
+    bench.request(START)
+    bench.drive(H(RUNNING))
+    bench.drive_answers(H(RUNNING))
+    bench.mailbox.quiet = False
+    bench.request(START)
+    bench.wait(200)
+    assert bench.replies[-1] == H("01 85 FF")
+    bench.mailbox.pause_over()
+    bench.drive_answers(H(RUNNING))
+    assert bench.events() == 1 and bench.count(13) == 1
+
+
 @pytest.mark.rule("MAP-10", "FRAME-7")
 @each_row("end", ["silence", "a value", "a refusal"])
 def test_a_request_that_was_overtaken_counts_as_no_reply(diagnosed_card: DiagnosedBench, end: str):
