@@ -105,10 +105,11 @@ ONE_COPY static void order(struct gateway *g, uint32_t action)
 static void start(struct gateway *g, struct transaction *txn, uint32_t action)
 {
     volatile struct frame_slot *frame = mailbox_frame(TELEGRAM_FRAME);
-    uint32_t i;
+    const uint8_t *byte = txn->out.telegram;
+    const uint8_t *const end = byte + txn->telegram_length;
 
-    for (i = 0; i < txn->telegram_length; i++) /* at most 30 turns: TELEGRAM_MAX */
-        frame[i].byte = txn->out.telegram[i];
+    for (; byte != end; byte++, frame++) /* at most 30 turns: TELEGRAM_MAX. SERV needs every instruction (PERF-2) */
+        frame->byte = *byte;
     g->at_drive = txn;
     g->repeated = false;
     g->wait_start = g->now;

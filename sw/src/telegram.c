@@ -9,17 +9,16 @@ enum { AT_PKE = 1, AT_IND = 3, AT_VALUE = 5, PWE_BYTES = 4 };
 ONE_COPY static uint32_t finish(struct transaction *txn, uint32_t pcd_at, uint32_t pcd1, uint32_t pcd2)
 {
     uint8_t *telegram = txn->out.telegram;
-    const uint32_t end = pcd_at + 4;
-    uint32_t bcc = STX ^ (end + 1);
-    uint32_t i;
+    const uint8_t *const end = telegram + pcd_at + 4;
+    uint32_t bcc = STX ^ (pcd_at + 5);
 
     telegram[0] = txn->broadcast ? ADR_BROADCAST : ADR_DRIVE;
     put_word(telegram + pcd_at, pcd1);
     put_word(telegram + pcd_at + 2, pcd2);
-    for (i = 0; i < end; i++) /* at most 29 turns: TELEGRAM_MAX without BCC */
-        bcc ^= telegram[i];
-    telegram[end] = (uint8_t)bcc;
-    txn->telegram_length = (uint8_t)(end + 1);
+    for (; telegram != end; telegram++) /* at most 29 turns: TELEGRAM_MAX without BCC */
+        bcc ^= *telegram;
+    *telegram = (uint8_t)bcc;
+    txn->telegram_length = (uint8_t)(pcd_at + 5);
     return OUTCOME_EXCHANGE;
 }
 
