@@ -200,7 +200,7 @@ end
 (* hierconn *) wire \licences_i.one_i.opposite ;
 (* hierconn *) wire \licences_i.all_i.held ;
 (* hierconn *) wire \licences_i.all_i.opposite ;
-(* hierconn *) wire [3:0] \telegram_i.state ;
+(* hierconn *) wire [2:0] \telegram_i.state ;
 (* hierconn *) wire \request_i.ticket_is_odd ;
 (* hierconn *) wire \telegram_i.repeatable ;
 (* hierconn *) wire \telegram_i.repeated ;
@@ -222,9 +222,9 @@ always @(posedge clk)
 `endif
 wire g_held = \telegram_i.licence_i.held ;
 // Its place as long as its telegram may still leave or be repeated: 0 none, 1 queued, 2 licensed, 3 left.
-wire [1:0] g_slot = \telegram_i.state == 4'b0011 ? 2'd1 : \telegram_i.state == 4'b0101 ? 2'd2 :
-    \telegram_i.state == 4'b1001 ? 2'd3 : 2'd0;
-wire g_over = \telegram_i.state == 4'b1010;
+wire g_over = \telegram_i.state == 3'b110 && !g_held;
+wire [1:0] g_slot = \telegram_i.state == 3'b011 ? 2'd1 : \telegram_i.state == 3'b101 ? 2'd2 :
+    \telegram_i.state == 3'b110 && g_held ? 2'd3 : 2'd0;
 // ---- the stop when the master is lost (SAFE-7)
 `ifdef STOP
 (* hierconn *) wire \licences_i.g_stop.free_i.held ;
@@ -290,7 +290,7 @@ always @(posedge clk) begin
         \request_i.committed_i.opposite == !g_committed && \licences_i.image_i.opposite == !g_image &&
         \licences_i.one_i.opposite == !g_one &&
         \licences_i.all_i.opposite == !g_all && \telegram_i.licence_i.opposite == !g_held);
-    i_codes : assert (g_slot != 2'd0 || g_over || \telegram_i.state == 4'd0);
+    i_codes : assert (g_slot != 2'd0 || g_over || \telegram_i.state == 3'd0);
     i_started : assert (g_started == (g_slot == 2'd3 || g_over));
     i_ticket : assert (\request_i.ticket_is_odd == ^ticket);
     i_either : assert (!(g_pending && (g_committed || g_heard || g_answered)) && (!g_free || g_image));

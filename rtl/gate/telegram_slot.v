@@ -4,11 +4,9 @@
 //   EMPTY     no telegram, or it was dropped
 //   QUEUED    ordered; if it was made for the candidate (early), it waits for the commit
 //   LICENSED  may leave as soon as the line is quiet
-//   LEFT      on the line, or sent; with a licence it may leave once more (FC-9)
-//   OVER      sent, and its repeat has ended
+//   LEFT      on the line, or sent; as long as it is licensed it may leave once more (FC-9)
 //
-// docs/hardening.md, State of the telegram: codes differ in two bits; fault: one is flipped. started:
-// LEFT or OVER.
+// docs/hardening.md, State of the telegram: codes differ in two bits; fault: one is flipped.
 //
 // An order takes the telegram of `kind` (licences) if its ticket is current. It is dropped when the
 // candidate is withdrawn or a newer one comes, when its kind has no licence, and when its memory is
@@ -63,14 +61,13 @@ module telegram_slot (
   localparam [1:0] K_NEWEST = 2'd0;
   localparam [1:0] K_IMAGE = 2'd1;
 
-  localparam [3:0] S_EMPTY = 4'b0000;
-  localparam [3:0] S_QUEUED = 4'b0011;
-  localparam [3:0] S_LICENSED = 4'b0101;
-  localparam [3:0] S_LEFT = 4'b1001;
-  localparam [3:0] S_OVER = 4'b1010;
+  localparam [2:0] S_EMPTY = 3'b000;
+  localparam [2:0] S_QUEUED = 3'b011;
+  localparam [2:0] S_LICENSED = 3'b101;
+  localparam [2:0] S_LEFT = 3'b110;
 
-  wire [3:0] state;
-  reg [3:0] next;
+  wire [2:0] state;
+  reg [2:0] next;
   reg repeatable = 1'b0;
   reg repeated = 1'b0;
   reg is_stop = 1'b0;
@@ -96,7 +93,7 @@ module telegram_slot (
   assign grants_stop = grant && kind == K_IMAGE && (!free || is_stop);
   assign control = kind == K_IMAGE;
   assign queued = state == S_QUEUED || state == S_LICENSED;
-  assign started = state == S_LEFT || state == S_OVER;
+  assign started = state == S_LEFT;
   assign fault = licence_fault || ^state;
 
   initial begin
@@ -105,7 +102,7 @@ module telegram_slot (
   end
 
   sparse_state #(
-      .WIDTH(4),
+      .WIDTH(3),
       .START(S_EMPTY)
   ) state_i (
       .clk  (clk),
@@ -133,11 +130,11 @@ module telegram_slot (
       if (refused) next = S_EMPTY;
       else if (grant) next = S_LICENSED;
       S_LICENSED: if (start) next = S_LEFT;
-      S_LEFT, S_OVER: if (again) next = licensed && repeatable ? S_LICENSED : S_EMPTY;
+      S_LEFT: if (again) next = licensed ? S_LICENSED : S_EMPTY;
       default: next = S_EMPTY;
     endcase
     if (order) next = accepted || loopback_open ? S_QUEUED : S_EMPTY;
-    if (ended) next = started && !order && !again ? S_OVER : S_EMPTY;
+    if (ended) next = started && !order && !again ? S_LEFT : S_EMPTY;
   end
 
   always @(posedge clk) begin

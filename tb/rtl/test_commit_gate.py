@@ -237,7 +237,7 @@ async def the_open_loop_back_test_needs_no_request_and_commands_nothing(dut):
 PAIRS = ["request_i.committed_i", "telegram_i.licence_i"] + [
     f"licences_i.{name}_i" for name in ("image", "one", "all")
 ]
-SLOT = [("telegram_i.state_i.code", bit) for bit in range(4)]
+SLOT = [("telegram_i.state_i.code", bit) for bit in range(3)]
 STATES = [("request_i.state", bit) for bit in range(3)] + SLOT
 FLIPS = [(f"{pair}.{half}.half", 0) for pair in PAIRS for half in ("held_i", "opposite_i")] + STATES
 
