@@ -54,7 +54,7 @@ FIRMWARE_CFLAGS := -std=c99 -Wall -Wextra -Werror -Wconversion -Wshadow -Wstrict
 FIRMWARE_CARD_CFLAGS := -Isw/port/card -Os -g -march=rv32i -mabi=ilp32 -flto -ffreestanding -ffunction-sections \
 	-fno-tree-loop-distribute-patterns -fno-jump-tables -fira-loop-pressure -fno-inline-small-functions \
 	-fno-ipa-vrp -fno-guess-branch-probability -fno-expensive-optimizations -fno-tree-loop-optimize \
-	-fno-tree-tail-merge
+	-fno-tree-tail-merge -fno-caller-saves
 FIRMWARE_LDFLAGS = -nostdlib -Lregs/generated -Wl,-T,sw/port/card/link.ld,--gc-sections,--build-id=none \
 	-Wl,--no-warn-rwx-segments,--defsym=RAM_SIZE=$(FIRMWARE_MEMORY),--defsym=STACK_SIZE=$(FIRMWARE_STACK)
 
