@@ -10,9 +10,9 @@
 //
 // An order takes the telegram of `kind` (licences) if its ticket is current. It is dropped when the
 // candidate is withdrawn or a newer one comes, when its kind has no licence, and when its memory is
-// written (touched). A write that has not left is also dropped by a commit of its own kind, which it
-// does not contain: the firmware orders the newer one. A licensed reading may still leave then. After it has left, such a commit ends its
-// repeat. Without a reply (no_reply) there is no repeat. control: bit 10 of the control word may be
+// written (touched). A commit of its own kind, which it does not contain, drops a write that has not
+// left, for the firmware orders the newer one, and ends the repeat of any telegram that has left. A
+// licensed reading may still leave. Without a reply (no_reply) there is no repeat. control: bit 10 of the control word may be
 // 1. stop: bit 6, the start, leaves as 0 (SAFE-7), of an image that was ordered as the stop and of
 // one without a committed write of coils. grants_stop: such a telegram gets its licence;
 // from then on no candidate drops it. used: a licence is used up. In the clock of an order no
