@@ -89,11 +89,12 @@ def publish(
 
 
 def page_of(name: str) -> str:
-    """The report, or its main figures if it was not written here."""
+    """The report, or its main figures if it was not written here or has other ones."""
     path = REPORTS / f"{name}.md"
-    if path.exists():
-        return path.read_text()
     entry = evidence()[name]
+    text = path.read_text() if path.exists() else ""
+    if text and entry["tables"].items() <= tables(text).items():
+        return text
     parts = ", ".join(f"{what} `{digits}`" for what, digits in entry["of"].items())
     lines = [
         f"# {entry['title']}",

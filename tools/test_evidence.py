@@ -54,6 +54,12 @@ def test_without_its_page_a_report_has_its_figures_and_names_its_command(written
         assert part in text
 
 
+def test_a_page_with_other_figures_than_the_evidence_is_not_shown(written):
+    report_page.publish("one", TEXT, "make one", {}, keep=["", "More"])
+    (written / "one.md").write_text(TEXT.replace("0.63", "0.71"))
+    assert "0.63" in report_page.page_of("one") and "0.71" not in report_page.page_of("one")
+
+
 @pytest.fixture
 def two_reports(written, monkeypatch) -> None:
     """One of the standard card, one of both, and one that nothing makes any more."""
