@@ -4,6 +4,7 @@
 from __future__ import annotations
 
 import json
+import re
 
 import pytest
 
@@ -34,11 +35,14 @@ def test_make_test_shows_every_rule(collected):
 def test_complete_asks_for_a_passed_test_of_each_rule(left_out, collected, tmp_path, monkeypatch, capsys):
     missing = set(collected.tests["FRAME-4"]) if left_out != "nothing" else set()
     results = tmp_path / "results.json"
-    results.write_text(json.dumps({test: {"outcome": "passed"} for test in collected.all - missing}))
+    old = {"outcome": "passed", "commit": "0123456", "at": "2026-01-02 03:04"}
+    results.write_text(json.dumps(dict.fromkeys(collected.all - missing, old)))
     monkeypatch.setattr(trace, "RESULTS", results)
     monkeypatch.setattr(trace, "RUNS", tmp_path)
     monkeypatch.setattr(trace, "collect", lambda: collected)
     monkeypatch.setattr(trace, "cocotb_tests", lambda path: set())
     monkeypatch.setattr("sys.argv", ["trace", "--complete"])
     assert trace.main() == bool(missing)
-    assert ("FRAME-4: no test of it has passed" in capsys.readouterr().err) == bool(missing)
+    said = capsys.readouterr()
+    assert ("FRAME-4: no test of it has passed" in said.err) == bool(missing)
+    assert re.search(r"results are of another commit than \w+(-dirty)?, the oldest of 2026-01-02 03:04", said.out)

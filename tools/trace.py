@@ -25,6 +25,7 @@ from xml.etree import ElementTree
 import pytest
 
 from rtl.command import run_main
+from rtl.sources import commit
 
 ROOT = Path(__file__).resolve().parents[1]
 REQUIREMENTS = ROOT / "docs/reference/requirements.md"
@@ -136,7 +137,8 @@ def main() -> int:
     rules = read_rules()
     collected = collect()
     tests = collected.tests
-    results = {test: result.outcome for test, result in read_results().items()}
+    read = read_results()
+    results = {test: result.outcome for test, result in read.items()}
     problems = [
         f"{rule}: marked in {tests[rule][0]}, but no rule of that name" for rule in tests if rule not in rules
     ]
@@ -164,6 +166,9 @@ def main() -> int:
         print(f"not run yet (make test): {', '.join(not_run)}")
     if missing:
         print(f"{len(missing)} of {len(collected.all)} tests have not been run (make nightly)")
+    now = commit()
+    if older := [read[test].at for test in collected.all & read.keys() if read[test].commit != now]:
+        print(f"{len(older)} results are of another commit than {now}, the oldest of {min(older)} UTC")
     print(f"{len(rules)} rules, {shown} shown, {sum(by == 'open' for by in rules.values())} open")
     return 1 if problems else 0
 
