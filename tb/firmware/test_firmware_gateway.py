@@ -325,6 +325,9 @@ FRAME-7, SAFE-8: after a write to all that waits one to the own drive goes there
 FRAME-7, SAFE-8: after a write to the own drive that waits one to all goes to the own drive
     ask READ_514; request START; request-all STOP; drive TELL_514; answers STATUS; wait 400;
     sent ASK_514 US:TELEGRAM_OF_STOP; replied
+FRAME-7, SAFE-8: a write to all that a busy line held up goes to all
+    busy; request-all START; wait 170; sent; +free; poll; sent ALL:TELEGRAM_OF_START; ends; wait 400;
+    sent-count 1
 FRAME-7, SAFE-8: after a write that has left one to the other unit goes where it says
     request-FIRST START; request-OTHER STOP; answers STATUS;
     sent FIRST:TELEGRAM_OF_START OTHER:TELEGRAM_OF_STOP
@@ -439,11 +442,11 @@ SAFE-7: the stop goes to the own drive after broadcasts
     # A broadcast goes to all drives; the stop must not inherit its address.
     ask-all START; wait 5; ask-all START; wait 5; sent-from 1 ALL:TELEGRAM_OF_START*2; wait 85;
     sent-from 3 SEND_STOP
-SAFE-7, FRAME-7: what waits leaves after the stop
+SAFE-7, FRAME-7: writes that wait leave after the stop, and a reading gets 255
     # Each transaction is in use: at the drive, both waiting writes, the reading.
-    ask START; request-all SET_207; request SET_207; request READ_514; wait 160;
+    ask START; request-all SET_207; request SET_207; request READ_514; wait 160; replied-last 01_83_FF;
     sent SEND_START*2 SEND_STOP; answers STATUS; sent-from 3 ALL:TELEGRAM_OF_207; ends;
-    sent-from 4 US:TELEGRAM_OF_207; answers TELL_207; sent-from 5 ASK_514
+    sent-from 4 US:TELEGRAM_OF_207; answers TELL_207; sent-count 5
 SAFE-7, SAFE-8: a write after the stop merges into the image that shows it
     wait 85; answers STATUS; request 05_0001_FF00; sent SEND_START SEND_STOP 81_043E_1999
 SAFE-7, SAFE-8: a start that could not leave before the loss leaves no more
@@ -452,7 +455,12 @@ SAFE-7, SAFE-8: a start that could not leave before the loss leaves no more
     replied-last 01_01_02_3E04
 SAFE-7: nor does a start that waits behind an exchange, or was for all
     request READ_514; request-all 05_0001_FF00; wait 85; answers TELL_514;
-    sent SEND_START ASK_514 81_043E_1999
+    sent SEND_START ASK_514 81_043E_1999; ends; wait 160; sent-from 2 81_043E_1999*2; answers STATUS;
+    exchange READ_514 TELL_514; replied-last REPLY_514; sent-count 5
+SAFE-7, EXC: a reading that the stop takes back gets 255, and the stop keeps its repeat
+    busy; request READ_514; wait 75; replied-count 2; wait 10; replied-last 01_83_FF; sent SEND_START; +free;
+    poll; sent SEND_START SEND_STOP; count DRIVE_NO_REPLY 0; ends; wait 160; sent-from 1 SEND_STOP*2;
+    answers STATUS; exchange READ_514 TELL_514; replied-last REPLY_514
 SAFE-7, FRAME-7: nothing else that waits for the line leaves before the stop
     busy; request SET_207; wait 85; +free; poll; sent SEND_START SEND_STOP; answers STATUS;
     sent-from 2 US:TELEGRAM_OF_207
@@ -483,6 +491,9 @@ SAFE-7, SAFE-8: a stop that a busy line held up leaves when the line is free
 SAFE-7, FC-9: the stop is newer than a write that waits, and keeps its repeat
     local 06_0002_0020; ask READ_514; request SET_207; wait 100; drive TELL_514; sent-from 2 SEND_STOP;
     ends; wait 400; sent-from 2 SEND_STOP*2
+SAFE-7, FC-9: the stop is newer than a reading that waits, and keeps its repeat
+    local 06_0002_0020; ask READ_514; request 03_1409_0002; wait 100; replied-count 3; drive TELL_514;
+    replied-last 01_83_FF; sent-from 2 SEND_STOP; ends; wait 400; sent-from 2 SEND_STOP*2
 SAFE-7, FC-9: the stop ends the wait for a dead drive
     local 06_0002_03E8; ask READ_514; wait 140; sent-count 2; wait 20; sent SEND_START ASK_514 SEND_STOP
 """
