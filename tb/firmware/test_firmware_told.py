@@ -27,6 +27,7 @@ REQUESTS = [
     *("03 1413 0002", "03 1413 0003", "03 0001 0001", "06 0002 0003", "06 0002 0028", "01 0020 0020"),
 ]
 READ_IMAGE = H("01 0000 0020")
+READ_PARAMETER = H("03 1413 0002")
 FAULTS = (0, 5, 130)
 STEP_MS = 5
 SLACK_MS = 2 * STEP_MS
@@ -125,6 +126,12 @@ class Rounds:
             self.bench.telegram_ends()
             self.drive(good=True)
 
+    def answers_a_reading(self) -> bool:
+        before = len(self.bench.replies)
+        self.bench.request(READ_PARAMETER)
+        self.rest()
+        return [reply[1:3] for reply in self.bench.replies[before:]] == [H("03 04")]
+
     def image(self) -> bytes:
         self.bench.request(READ_IMAGE)
         self.bench.wait(40)  # longer than REPLY_DELAY
@@ -152,3 +159,4 @@ def test_at_rest_the_drive_was_told_what_the_image_shows(made: Build):
         assert not (wrong := not_told(sent, image)), f"{wrong}; {what}"
         if made.option == "MASTER_LOSS_STOP" and sent and "restart" not in rounds.log:  # that restores 40002
             assert not image[1] & 0x40, f"the lost master's start stays; {what}"
+        assert rounds.answers_a_reading(), f"no answer from a drive that answers; {what}"
