@@ -14,7 +14,7 @@ from cocotb.triggers import FallingEdge, RisingEdge
 
 from tb.agents.fc_slave import CHARACTER_BITS
 from tb.agents.rs485 import DirectionMonitor
-from tb.agents.uart import Flaws, Format, Frame, Sent, now_ps
+from tb.agents.uart import Flaws, Format, Frame, Sent, now_ps, with_gaps
 from tb.lib.bench import Bench, Strobes
 from tb.lib.line_tap import RecordedLine
 from tb.lib.memory_ports import ReadPort, WritePort, at_once
@@ -235,6 +235,16 @@ async def gaps_of_up_to_two_characters_are_allowed_in_a_reply(dut, characters):
     for place in (rng.randrange(1, len(STATUS) - 1), len(STATUS) - 1):
         flaws = Flaws(gaps={place: characters * CHARACTER_BITS})
         assert await port.accepts(STATUS, flaws) == (characters <= 2), f"before byte {place}"
+
+
+@cocotb.test()
+@cocotb.parametrize(longer=(-2, 2))
+async def a_reply_may_take_1_5_times_its_nominal_time(dut, longer):
+    """By equal gaps, two bits shorter and longer than the limit (FC-8)."""
+    port = await Port(dut).start(listening=True)
+    for reply in (STATUS, NUMBER):
+        gap = (0.5 * CHARACTER_BITS * len(reply) + longer) / (len(reply) - 1)
+        assert await port.accepts(reply, with_gaps(len(reply), gap)) == (longer < 0), f"gaps of {gap:.1f}"
 
 
 @cocotb.test()
