@@ -118,6 +118,12 @@ def pytest_runtest_logreport(report: pytest.TestReport) -> None:
         results.setdefault(report.nodeid, report.outcome)
 
 
+def pytest_report_teststatus(report: pytest.TestReport, config: pytest.Config) -> None:
+    """Names a failed test at once, for the end of a run may be minutes away."""
+    if report.failed and (terminal := config.pluginmanager.get_plugin("terminalreporter")):
+        terminal.write_line(f"\nFAILED {report.nodeid}", red=True)
+
+
 def pytest_sessionfinish(session: pytest.Session) -> None:
     # xdist workers report to the main process, which alone writes the file.
     if results and not hasattr(session.config, "workerinput"):
