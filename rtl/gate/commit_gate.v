@@ -10,8 +10,8 @@
 //
 // The firmware orders a reply or a telegram for a ticket, the number of the newest request that it
 // has seen. An order with an older ticket is refused, so no order is based on an older image.
-// Without a committed write of coils no telegram has telegram_control, which bit 10 of its control
-// word needs (SAFE-1). MASTER_LOSS_STOP = 0: there is no stop, and order_stop is ignored.
+// Without a committed write of coils, of any address, no telegram has telegram_control, which bit 10
+// of its control word needs (SAFE-1). MASTER_LOSS_STOP = 0: there is no stop, and order_stop is ignored.
 // fault: a half of a guarded bit has flipped (SAFE-4). rst comes from the supervisor whenever the
 // firmware restarts. Clock domain: clk.
 `default_nettype none

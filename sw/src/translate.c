@@ -56,7 +56,7 @@ static const struct function *find_function(uint32_t code)
 {
     const struct function *function;
 
-    /* at most 6 turns: the table of functions */
+    /* at most 10 turns: the table of functions */
     for (function = functions; function < functions + sizeof functions / sizeof *functions; function++)
         if (function->code == code)
             return function;
