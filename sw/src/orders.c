@@ -153,20 +153,20 @@ static void start_image(struct gateway *g)
     g->image_change = 0;
 }
 
-/* A request that asked the drive and has no answer is still committed. */
-static bool reading_waits(const struct gateway *g)
+/* The newest request asked the drive and has no answer, for its telegram has not left. A parameter write leaves later. */
+static bool is_overtaken(const struct gateway *g)
 {
-    return g->state == REQUEST_COMMITTED && g->newest->telegram_length != 0 && g->newest->target == TARGET_READING;
+    return g->state == REQUEST_COMMITTED && g->newest->telegram_length != 0 && g->newest->target != TARGET_PARAMETER;
 }
 
-/* SAFE-7: in place of a start that has not left. A reading that has not left is over, for the stop is newer and keeps its
- * repeat. The image shows the stop only if the gate took the order: with a commit just now its licence is gone. */
+/* SAFE-7: in place of a start that has not left. A reading that has not left is over, too, for the stop is newer and keeps
+ * its repeat. The image shows the stop only if the gate took the order: with a commit just now its licence is gone. */
 static void start_stop(struct gateway *g)
 {
     const uint32_t control = translate_stopped(&g->translator);
     struct transaction *txn;
 
-    if (MASTER_LOSS_STOP && reading_waits(g)) { /* without the option the compiler leaves all of it out */
+    if (MASTER_LOSS_STOP && is_overtaken(g)) { /* without the option the compiler leaves all of it out */
         g->at_drive = g->newest;
         request_answer_silence(g);
     }

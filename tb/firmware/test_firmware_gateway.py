@@ -450,7 +450,8 @@ SAFE-7, FRAME-7: writes that wait leave after the stop, and a reading gets 255
 SAFE-7, SAFE-8: a write after the stop merges into the image that shows it
     wait 85; answers STATUS; request 05_0001_FF00; sent SEND_START SEND_STOP 81_043E_1999
 SAFE-7, SAFE-8: a start that could not leave before the loss leaves no more
-    busy; request 05_0001_FF00; wait 85; sent SEND_START; +free; poll; sent SEND_START 81_043E_1999; ends;
+    busy; request 05_0001_FF00; wait 85; sent SEND_START; replied-last 01_85_FF; +free; poll;
+    sent SEND_START 81_043E_1999; ends;
     wait 160; sent-from 1 81_043E_1999*2; answers STATUS; wait 1000; sent-count 3; local READ_CONTROL;
     replied-last 01_01_02_3E04
 SAFE-7: nor does a start that waits behind an exchange, or was for all

@@ -1,6 +1,8 @@
 # SPDX-License-Identifier: Apache-2.0
 """What the image shows is what the drive was told (SAFE-8), in random rounds with each firmware option.
 
+The newest committed request is answered, too, unless a character came after it or its dialect is silent.
+
 `make impatient` asks it at the pins, of the images without options. Here masters give up, the drive misses
 telegrams, something jams its line, and the master is lost (SAFE-7); bytes are hex, times in ms.
 """
@@ -58,6 +60,7 @@ class Rounds:
         self.timeout = NEVER  # register 40002
         self.heard = 0  # when the last good frame came
         self.late = ""  # a start that left after the master was lost
+        self.replies_before: int | None = None  # the newest request, if it must be answered
 
     def count(self) -> None:
         new, self.seen = self.bench.telegrams[self.seen :], len(self.bench.telegrams)
@@ -89,7 +92,10 @@ class Rounds:
             (30, 4, 16, 16, 7, 6, 14, 1),
         )[0]
         self.log.append(what)
+        if what in ("ask", "character", "restart"):
+            self.replies_before = None
         if what == "ask":
+            before = len(bench.replies)
             request, broadcast = rng.choice(REQUESTS), rng.random() < 0.25
             self.log.append(f"{request}{' to all' * broadcast}")
             bench.offer(H(request), broadcast)
@@ -97,6 +103,7 @@ class Rounds:
             if rng.random() < 0.85:
                 bench.commit()
                 self.heard = bench.mailbox.time
+                self.replies_before = None if broadcast else before
             else:
                 bench.character()
         elif what == "character":
@@ -152,6 +159,9 @@ def test_at_rest_the_drive_was_told_what_the_image_shows(made: Build):
         if made.option == "MASTER_LOSS_STOP":
             rounds.wait(LOSS_MS)
             rounds.rest()
+        if DIALECTS[made.dialect].traits["drive_silent"] and rounds.replies_before is not None:
+            more = len(rounds.bench.replies) - rounds.replies_before
+            assert more == 1, f"{more} replies; seed {seed}: {'; '.join(rounds.log)}"
         assert not rounds.late, f"{rounds.late}; seed {seed}: {'; '.join(rounds.log)}"
         image = rounds.image()
         sent = [(build(telegram[1:], adr=telegram[0]), good) for telegram, good in rounds.told]
