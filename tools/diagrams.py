@@ -15,6 +15,7 @@ from __future__ import annotations
 
 import json
 import re
+import shutil
 import tempfile
 import xml.etree.ElementTree as ElementTree
 from collections.abc import Callable
@@ -694,6 +695,8 @@ def main() -> int:
     args = parser.parse_args()
     if unknown := [name for name in args.names if name not in DRAWINGS]:
         parser.error(f"no diagram '{unknown[0]}'; there are {', '.join(DRAWINGS)}")
+    if not args.names:  # the site shows what is there
+        shutil.rmtree(DIAGRAMS, ignore_errors=True)
     DIAGRAMS.mkdir(parents=True, exist_ok=True)
     for name in args.names or DRAWINGS:
         drawing = DRAWINGS[name]()

@@ -3,8 +3,8 @@
 
     python -m tools.site.build [FOLDER]     default: build/docs-site
 
-Prints the first page and the number of pages. Pictures and whole reports come from build/, if their commands
-have written them. A dead link is an error, and so is a page without a place:
+Prints the first page and the number of pages. Timing diagrams come from build/diagrams, if `make diagrams`
+has drawn them. A dead link is an error, and so is a page without a place:
 exit 1, one line for each. Exit 2 without MkDocs, or for a folder with other files.
 """
 
@@ -34,7 +34,7 @@ def build(site: Path) -> list[str]:
     log = logging.getLogger("mkdocs")
     log.addHandler(listener)
     # Two runs write the same bytes.
-    os.environ.setdefault("SOURCE_DATE_EPOCH", "0")
+    os.environ["SOURCE_DATE_EPOCH"] = "0"
     try:
         config = load_config(str(CONFIG), site_dir=str(site))
         config.plugins.on_startup(command="build", dirty=False)

@@ -3,8 +3,8 @@
 
 A page has its place by the comment `<!-- site: ORDER SECTION -->` above its title, in docs/ or elsewhere.
 
-Reports and pictures come from build/, where their commands wrote them. A report that is not there becomes a
-page of its main figures (docs/evidence.json), a picture that is not there becomes its description. A line
+A report is a page of its main figures (docs/evidence.json). Timing diagrams come from build/diagrams; one
+that is not there becomes its description. A line
 `<!-- evidence: REPORT, HEADING -->` of a guide becomes that table, and `<!-- evidence: summaries -->` a few
 lines of each report.
 """
@@ -65,9 +65,8 @@ def on_files(files: Files, config: MkDocsConfig) -> Files:
             files.append(File.generated(config, name, abs_src_path=str(source)))
     for name in evidence():
         files.append(File.generated(config, f"reports/{name}.md", content=page_of(name)))
-    for folder in ("diagrams", "pictures"):
-        for path in sorted((BUILT / folder).glob("*.svg")):
-            files.append(File.generated(config, f"{folder}/{path.name}", abs_src_path=str(path)))
+    for path in sorted((BUILT / "diagrams").glob("*.svg")):
+        files.append(File.generated(config, f"diagrams/{path.name}", abs_src_path=str(path)))
     return files
 
 
@@ -75,7 +74,7 @@ def on_page_markdown(markdown: str, page: Page, **_: object) -> str:
     if page.parent is None:  # no neighbours to list beside it
         page.meta["hide"] = ["navigation"]
     name = page.file.src_uri
-    source = page.file.abs_src_path or REPORTS / Path(name).name  # the figures of a report that is not there
+    source = page.file.abs_src_path or REPORTS / Path(name).name  # the figures of a report
     return indented(moved(filled(markdown), Path(source), name))
 
 
