@@ -90,6 +90,14 @@ def test_verdicts_of_a_tree(tmp_path, monkeypatch):
     assert tree.evaluate(mutate.Mutant("baud_divider", 1, "", "", at, at, "((")).verdict == "invalid"
 
 
+@pytest.mark.nightly
+def test_the_tests_of_the_card_pass_in_a_copy(tmp_path, monkeypatch):
+    """They need every image that they play."""
+    monkeypatch.setattr(mutate, "WORK", tmp_path)
+    tree = mutate.Tree(0, mutate.TOP)
+    assert tree.failing("test", changed=False) == ""
+
+
 def test_each_excuse_fits_a_mutant_of_the_present_module(monkeypatch, tmp_path, capsys):
     known = {
         (name, f"{mutant.before} -> {mutant.after}")

@@ -23,6 +23,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from formal import prove
+from regs.dialects import DIALECTS, IMAGES
 from rtl.sources import ROOT, bench_file, needed_files, rtl_files
 
 WORK = ROOT / "build/kills"
@@ -231,11 +232,12 @@ def copy_project(root: Path) -> None:
         elif source.exists():
             shutil.copy(source, root / name)
     (root / ".venv").symlink_to(ROOT / ".venv")
-    for image in ("firmware.hex", "firmware.elf", "tiny/firmware.hex", "tiny/firmware.elf"):
-        made = ROOT / "build" / image
-        if made.exists():
-            (root / "build" / image).parent.mkdir(parents=True, exist_ok=True)
-            shutil.copy(made, root / "build" / image)
+    folders = {image.folder(dialect) for image in IMAGES.values() for dialect in image.dialects}
+    for folder in {"", "tiny", *DIALECTS, *folders}:
+        for made in (ROOT / "build" / folder).glob("firmware.[he]*"):  # .hex, .elf
+            copy = root / made.relative_to(ROOT)
+            copy.parent.mkdir(parents=True, exist_ok=True)
+            shutil.copy(made, copy)
 
 
 class Copy:
