@@ -347,7 +347,9 @@ def made_from(entry: Board) -> str:
     content = hashlib.sha256()
     for path in (*card_files(entry.config), entry.wrapper, entry.pin_file):
         content.update(bare(path))
-    content.update(repr([*row(entry), OPEN_HALVES, SYNTHESIS[entry.family], tool_versions()]).encode())
+    place = [*nextpnr(entry, BUILD / f"{entry.top}.json"), *entry.seeds]
+    flow = [OPEN_HALVES, SYNTHESIS[entry.family], *place, tool_versions()]
+    content.update(repr([*row(entry), *flow]).encode())
     return content.hexdigest()
 
 
