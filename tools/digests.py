@@ -5,9 +5,10 @@
     python -m tools.digests --check [--board NAME ...]     builds them and compares; exit 1: one differs
 
 Whoever builds the same sources can see that the bytes are the same. A change of the firmware changes digests
-in the same commit. A design is what place and route leaves, with a test pattern in place of the firmware, so
-only a change of the hardware changes it; a bitstream of a release is a design with an image. Images of
-another compiler than the one in the file are not compared. Exit 2: something could not be built.
+in the same commit. A design is a bitstream with a test pattern in place of the firmware, so only a change of
+the hardware or of its tools changes it; a release puts images into it (constraints/image.py). Another
+version of the compiler makes other images: the file names the one that it is of. Exit 2: something could not
+be built.
 """
 
 from __future__ import annotations
@@ -20,7 +21,7 @@ import sys
 from dataclasses import dataclass
 from pathlib import Path
 
-from constraints import flow, synth
+from constraints import flow, image, synth
 from constraints.boards import Board, board, boards, extended
 from regs.dialects import IMAGES
 from rtl.command import Parser, own_environment, run_main
@@ -28,6 +29,7 @@ from rtl.sources import ROOT, SourcesError
 
 FILE = ROOT / "tools/digests.txt"
 COMPILER = "# compiler: "
+FIRMWARE, DESIGN = "firmware-", "design-"  # how the names of either kind begin
 # Folders of sw/firmware.mk with the images of an option, or of all at once.
 OPTIONS = {name.rpartition("/")[2] for name in IMAGES}
 HEAD = "# SHA-256, by `make digests`; what it says: tools/digests.py\n"
@@ -56,6 +58,10 @@ def first_line(*command: str) -> str:
     except (OSError, subprocess.CalledProcessError):
         raise BuildError(f"{command[0]} is missing; run `make setup`") from None
     return done.stdout.splitlines()[0].strip()
+
+
+def compiler() -> str:
+    return first_line(cross_compiler(), "--version")
 
 
 @dataclass(frozen=True)
@@ -116,33 +122,44 @@ def kept() -> tuple[str, dict[str, str]]:
     return compiler[1] if compiler else "", {name: value for value, name in lines}
 
 
-def write(compiler: str, digests: dict[str, str]) -> None:
+def write(digests: dict[str, str]) -> None:
     lines = [f"{value}  {name}\n" for name, value in sorted(digests.items())]
     licence = Path(__file__).read_text().splitlines()[0]
-    FILE.write_text(f"{licence}\n{HEAD}{COMPILER}{compiler}\n{''.join(lines)}")
+    FILE.write_text(f"{licence}\n{HEAD}{COMPILER}{compiler()}\n{''.join(lines)}")
 
 
 def of_images(images: list[Image]) -> dict[str, str]:
     return {
-        f"firmware-{one.memory.replace(' KiB', 'k')}-{one.name}.hex": digest(ROOT / one.path)
+        f"{FIRMWARE}{one.memory.replace(' KiB', 'k')}-{one.name}.hex": digest(ROOT / one.path)
         for one in images
     }
 
 
 def of_designs(entries: list[Board]) -> dict[str, str]:
-    return {f"design-{entry.name}{flow.suffix(entry)}": digest(design(entry)) for entry in entries}
+    found = {}
+    for entry in entries:
+        packed = flow.BUILD / entry.name / f"pattern{image.result_suffix(entry)}"
+        image.pack(entry, design(entry), packed)
+        found |= {f"{DESIGN}{entry.name}{path.suffix}": digest(path) for path in image.results(entry, packed)}
+    return found
 
 
-def different(found: dict[str, str], images: bool = True) -> list[str]:
-    """A line for each digest that is not that of the file, and for each image of it that is no more made."""
-    _, known = kept()
+def different(found: dict[str, str], whole: tuple[str, ...]) -> list[str]:
+    """A line for each digest that is not that of the file, and for each that nothing makes any more.
+
+    whole: the kinds, FIRMWARE or DESIGN, of which `found` has every one.
+    """
+    of_file, known = kept()
     wrong = [
-        f"{name}: {'another digest than in' if name in known else 'not in'} {FILE.name}; run `make digests`"
+        f"{name}: {'another digest than in' if name in known else 'not in'} {FILE.name}"
         for name, value in found.items()
         if known.get(name) != value
     ]
-    gone = [name for name in known if images and name.startswith("firmware-") and name not in found]
-    return wrong + [f"{name}: in {FILE.name}, but not made any more; run `make digests`" for name in gone]
+    gone = [name for name in known if name.startswith(whole) and name not in found]
+    wrong += [f"{name}: in {FILE.name}, but not made any more" for name in gone]
+    if wrong and of_file != compiler():
+        wrong.append(f"{FILE.name} is of {of_file or 'an unknown compiler'}, and here is {compiler()}")
+    return wrong
 
 
 def main() -> int:
@@ -150,25 +167,23 @@ def main() -> int:
     parser.add_argument("--check", action="store_true", help="compare, write nothing")
     parser.add_argument("--board", action="append", default=[], help="its design too; all: every board's")
     given = parser.parse_args()
-    compiler = first_line(cross_compiler(), "--version")
-    of_file, known = kept()
+    every = given.board == ["all"]
+    whole = (FIRMWARE, DESIGN) if every else (FIRMWARE,)
     found = of_images(firmware())
-    found |= of_designs(both_kinds() if given.board == ["all"] else [board(name) for name in given.board])
+    found |= of_designs(both_kinds() if every else [board(name) for name in given.board])
+    _, known = kept()
     if not given.check:
-        others = {name: value for name, value in known.items() if not name.startswith("firmware-")}
-        write(compiler, others | found)
+        write({name: value for name, value in known.items() if not name.startswith(whole)} | found)
         print(f"digests: {len(found)} written to {FILE.relative_to(ROOT)}")
         return 0
-    if compiler != of_file:
-        print(f"digests: images not compared: they are of {of_file}, and here is {compiler}")
-        found = {name: value for name, value in found.items() if not name.startswith("firmware-")}
-    wrong = different(found, images=compiler == of_file)
+    wrong = different(found, whole)
     for line in wrong:
         print(f"digests: {line}", file=sys.stderr)
     same = sum(known.get(name) == value for name, value in found.items())
-    print(f"digests: {same} of {len(found)} are those of {FILE.relative_to(ROOT)}")
+    again = "; if they ought to differ, run `make digests`" if wrong else ""
+    print(f"digests: {same} of {len(found)} are those of {FILE.relative_to(ROOT)}{again}")
     return int(bool(wrong))
 
 
 if __name__ == "__main__":
-    run_main("digests", main, BuildError, flow.SynthError, SourcesError)
+    run_main("digests", main, BuildError, flow.SynthError, image.ImageError, SourcesError)

@@ -5,7 +5,7 @@
 
 1. Change VERSION and run `make regs`, before the measurements: images with function 11 contain the number.
 2. `make evidence` renews each report of an older card, in two hours.
-3. `make digests BOARD=all`; a release with other bytes is refused.
+3. `make digests BOARD=all` in a fresh clone; a release with other bytes is refused.
 4. In CHANGELOG.md give the version's section its date. Nothing stays below [Unreleased].
 5. Commit; `make lint` and `make nightly` must pass on that commit.
 6. `make release`. Read the site of build/dist with its data sheet and reports.
@@ -14,17 +14,18 @@
    contents names.
 
 Bitstreams of every board, of both kinds, with every firmware image that fits it, the images, the Python
-packages, site of the documentation, a list of contents and SHA256SUMS. Finished designs are taken as they are
-(build/synth); a missing or older one is placed and routed first.
+packages, site of the documentation, the licences, a list of contents and SHA256SUMS. Finished designs are
+taken as they are (build/synth); a missing or older one is placed and routed first.
 
 A release is refused, one line a reason: its figures are of another card, a test has not passed on its commit,
-files are not committed, CHANGELOG.md has no section of its version, or `--tag` is not its tag. A draft is
-never refused: each of its files is named -draft. `--board` makes a draft only. Exit 1: refused; 2: something
-could not be built.
+files are not committed, CHANGELOG.md has no section of its version, FIRMWARE_DEFINES is set, or `--tag` is
+not its tag. A draft is never refused: each of its files is named -draft. `--board` makes a draft only.
+Exit 1: refused; 2: something could not be built, or has other bytes than tools/digests.txt says.
 """
 
 from __future__ import annotations
 
+import os
 import re
 import shutil
 import sys
@@ -38,9 +39,9 @@ from campaigns.bench import fingerprint
 from constraints import flow, image
 from constraints.boards import Board, board
 from rtl.command import VERSION, Parser, run_main
-from rtl.sources import ROOT, SourcesError, commit
+from rtl.sources import ROOT, SourcesError, commit, configuration, configurations, core_files
 from tools import digests, evidence, trace, wheels
-from tools.digests import Image, both_kinds, cross_compiler, design, digest, firmware, first_line
+from tools.digests import DESIGN, FIRMWARE, Image, both_kinds, design, digest, firmware
 from tools.site import build as site
 
 DIST = ROOT / "build/dist"
@@ -49,6 +50,14 @@ CHANGELOG = ROOT / "CHANGELOG.md"
 # The date of every file in the archive, the first that zip knows.
 ZIP_DATE = (1980, 1, 1, 0, 0, 0)
 ZIP_MODE = 0o100644 << 16
+LICENCES = ("COPYING", "LICENSE")  # names of the file in the packages of the soft cores
+HOW_TO_CHOOSE = """\
+A bitstream is named rtu2fc-VERSION-BOARD-FIRMWARE. Pages of the documentation (docs) say more.
+BOARD     the board; with -extended its switches also have 38400 and 115200 bit/s and 8N1
+FIRMWARE  card, unless you want another dialect or option: docs, Data sheet, Images of a release
+How to write it to the board: docs, A card from parts; for other boards Hardware, Flashing.
+No bitstream stops the drive by itself when the master is lost: that needs a design of your own.
+"""
 
 
 class ReleaseError(Exception):
@@ -95,6 +104,8 @@ def refusals(version: str, tag: str) -> list[str]:
         found.append("the commit is not known: this folder is no git repository")
     if now.endswith("-dirty"):
         found.append("some files are not committed")
+    if os.environ.get("FIRMWARE_DEFINES"):
+        found.append("FIRMWARE_DEFINES is set; the images of a release have their own options")
     if not found:
         found += tests_wrong(trace.read_results(), trace.collect().all, now)
     return found
@@ -128,9 +139,10 @@ class Dist:
             f"rtu2fc {self.version}{', a draft: no release' * self.draft}",
             f"commit {commit() or 'unknown'}",
             f"card {fingerprint.card()}, tiny card {fingerprint.card('tiny')}",
-            f"compiler {first_line(cross_compiler(), '--version')}",
+            f"compiler {digests.compiler()}",
             *(f"tool {tool}" for tool in flow.tool_versions()),
             "",
+            HOW_TO_CHOOSE,
             *(f"{name}  {text}" for name, text in self.described.items()),
         ]
         self.add("contents", ".txt", "\n".join([*lines, ""]).encode(), "this list")
@@ -170,12 +182,14 @@ def fitting(entry: Board, images: list[Image]) -> list[Image]:
 
 def add_bitstreams(dist: Dist, entry: Board, images: list[Image]) -> None:
     design(entry)
+    pair = configuration(entry.config)["soft_core"] == "picorv32"
+    about = f"{entry.name} ({entry.part}), LOCKSTEP {entry.parameters.get('LOCKSTEP', int(pair))}"
     with tempfile.TemporaryDirectory() as folder:
         for one in fitting(entry, images):
             output = Path(folder) / f"image{image.result_suffix(entry)}"
             image.make(entry, ROOT / one.path, output)
             for path in image.results(entry, output):
-                text = f"{kind(entry, path)} of {entry.name} ({entry.part}), firmware {one.name}"
+                text = f"{kind(entry, path)} of {about}, firmware {one.name}"
                 dist.add(f"{entry.name}-{one.name}", path.suffix, path.read_bytes(), text)
 
 
@@ -210,6 +224,21 @@ def add_wheels(dist: Dist) -> None:
             dist.put(f"{name}.whl", path.read_bytes(), f"Python package {package} (`pip install`)")
 
 
+def licences() -> str:
+    """The project's licence, and those of the soft cores, which are part of the bitstreams."""
+    found = {"rtu2fc": ROOT / "LICENSE"}
+    for name, entry in configurations().items():
+        folders = core_files(name)[0].parents
+        files = (folder / licence for folder in folders for licence in LICENCES)
+        found[f"{entry['soft_core']}, in bitstreams of {name}"] = next(filter(Path.exists, files))
+    return "\n".join(f"{what}\n{'=' * len(what)}\n\n{path.read_text()}" for what, path in found.items())
+
+
+def check_digests(found: dict[str, str], *whole: str) -> None:
+    if wrong := digests.different(found, whole):
+        raise ReleaseError("\nrelease: ".join(wrong))
+
+
 def build(draft: bool, chosen: list[Board], version: str) -> None:
     """Builds everything. The former files of DIST stay until all is built."""
     DIST.parent.mkdir(exist_ok=True)
@@ -218,12 +247,15 @@ def build(draft: bool, chosen: list[Board], version: str) -> None:
         dist.folder.mkdir()
         add_documents(dist)
         add_wheels(dist)
+        dist.add("licences", ".txt", licences().encode(), "licences of the project and of the soft cores")
         images = firmware()
+        if not draft:
+            check_digests(digests.of_images(images), FIRMWARE)
         add_firmware(dist, images)
         for entry in chosen:
             add_bitstreams(dist, entry, images)
-        if not draft and (wrong := digests.different(digests.of_images(images) | digests.of_designs(chosen))):
-            raise ReleaseError(wrong[0])
+        if not draft:
+            check_digests(digests.of_designs(chosen), DESIGN)
         dist.write_contents()
         dist.write_sums()
         shutil.rmtree(DIST, ignore_errors=True)

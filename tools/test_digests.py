@@ -1,19 +1,19 @@
 # SPDX-License-Identifier: Apache-2.0
-"""tools/digests.txt: a changed image or design is named; another compiler's images are not compared."""
+"""tools/digests.txt: a changed image or design is named, and a check that compares nothing does not pass."""
 
 from __future__ import annotations
 
-import subprocess
 import sys
 
 import pytest
 
-from rtl.sources import ROOT
+from constraints.boards import board
 from tools import digests
+from tools.digests import DESIGN, FIRMWARE
 
 COMPILER = "gcc 12"
 KEPT = {"firmware-8k-card.hex": "1" * 64, "firmware-8k-builtin.hex": "2" * 64}
-KEPT |= {"design-ulx3s.config": "3" * 64}
+KEPT |= {"design-ulx3s.bit": "3" * 64}
 
 
 @pytest.fixture
@@ -22,25 +22,31 @@ def run(tmp_path, monkeypatch):
     monkeypatch.setattr(digests, "FILE", tmp_path / "digests.txt")
     monkeypatch.setattr(digests, "ROOT", tmp_path)
     monkeypatch.setattr(digests, "firmware", list)
-    digests.write(COMPILER, KEPT)
+    monkeypatch.setattr(digests, "compiler", lambda: COMPILER)
+    digests.write(KEPT)
 
     def run(made: dict[str, str], *options: str, compiler: str = COMPILER) -> int:
-        monkeypatch.setattr(digests, "first_line", lambda *command: compiler)
-        monkeypatch.setattr(digests, "of_images", lambda images: made)
+        kinds = {
+            kind: {name: made[name] for name in made if name.startswith(kind)} for kind in (FIRMWARE, DESIGN)
+        }
+        monkeypatch.setattr(digests, "compiler", lambda: compiler)
+        monkeypatch.setattr(digests, "of_images", lambda images: kinds[FIRMWARE])
+        monkeypatch.setattr(digests, "of_designs", lambda entries: kinds[DESIGN] if entries else {})
         monkeypatch.setattr(sys, "argv", ["digests", *options])
         return digests.main()
 
     return run
 
 
-SAME = {name: value for name, value in KEPT.items() if name.startswith("firmware-")}
+SAME = {name: value for name, value in KEPT.items() if name.startswith(FIRMWARE)}
+OTHER = SAME | {"firmware-8k-card.hex": "4" * 64}
 
 
 @pytest.mark.parametrize(
     ("made", "said"),
     [
         (SAME, []),
-        (SAME | {"firmware-8k-card.hex": "4" * 64}, ["firmware-8k-card.hex: another digest than in"]),
+        (OTHER, ["firmware-8k-card.hex: another digest than in"]),
         (SAME | {"firmware-8k-new.hex": "4" * 64}, ["firmware-8k-new.hex: not in"]),
         ({"firmware-8k-card.hex": "1" * 64}, ["firmware-8k-builtin.hex: in digests.txt, but not made"]),
     ],
@@ -52,19 +58,37 @@ def test_a_difference_is_named(run, capsys, made, said):
     assert all(part in line for part, line in zip(said, lines, strict=True))
 
 
-def test_another_compiler_is_said_and_not_compared(run, capsys):
-    assert run({"firmware-8k-card.hex": "4" * 64}, "--check", compiler="gcc 14") == 0
-    assert "images not compared: they are of gcc 12, and here is gcc 14" in capsys.readouterr().out
+def test_another_compiler_matters_if_its_images_differ(run, capsys):
+    assert run(SAME, "--check", compiler="gcc 12, built again") == 0
+    assert run(OTHER, "--check", compiler="gcc 14") == 1
+    assert "digests: digests.txt is of gcc 12, and here is gcc 14\n" in capsys.readouterr().err
+
+
+def test_a_file_that_lacks_what_it_ought_to_say_is_no_match(run):
+    digests.FILE.write_text(digests.FILE.read_text().replace(digests.COMPILER, "# "))
+    assert run(SAME, "--check") == 0 and run(OTHER, "--check") == 1
+    digests.FILE.write_text("")
+    assert run(SAME, "--check") == 1
+    digests.FILE.unlink()
+    assert run(SAME, "--check") == 1
+
+
+def test_all_boards_are_all_designs(run, capsys):
+    assert run(KEPT, "--check", "--board", "all") == 0
+    made = SAME | {"design-icebreaker.bin": "6" * 64}
+    assert run(made, "--check", "--board", "all") == 1
+    said = capsys.readouterr().err
+    assert "design-icebreaker.bin: not in" in said
+    assert "design-ulx3s.bit: in digests.txt, but not made" in said
+    assert run(made, "--board", "all") == 0 and digests.kept() == (COMPILER, made)
 
 
 def test_writing_keeps_the_designs_and_forgets_old_images(run):
     made = {"firmware-8k-card.hex": "5" * 64}
     assert run(made) == 0
-    assert digests.kept() == (COMPILER, made | {"design-ulx3s.config": "3" * 64})
+    assert digests.kept() == (COMPILER, made | {"design-ulx3s.bit": "3" * 64})
 
 
 @pytest.mark.nightly("synth")
 def test_a_design_is_placed_and_routed_to_the_same_bytes():
-    command = [sys.executable, "-m", "tools.digests", "--check", "--board", "hx8k-breakout"]
-    done = subprocess.run(command, cwd=ROOT, capture_output=True, text=True, check=False)
-    assert done.returncode == 0, done.stdout + done.stderr
+    assert digests.different(digests.of_designs([board("hx8k-breakout")]), ()) == []

@@ -4,13 +4,15 @@
 from __future__ import annotations
 
 import hashlib
+import subprocess
 import sys
 
 import pytest
 
 from constraints.boards import boards
+from rtl import sources
 from rtl.command import VERSION
-from tools import evidence, release, trace
+from tools import digests, evidence, release, trace
 from tools.trace import Result
 
 NUMBER = VERSION.read_text().strip()
@@ -76,6 +78,10 @@ def started(monkeypatch, *words: str) -> int:
             "some files are not committed",
         ),
         (
+            lambda patch: patch.setenv("FIRMWARE_DEFINES", "-DDIAGNOSTICS=1"),
+            "FIRMWARE_DEFINES is set; the images of a release have their own options",
+        ),
+        (
             lambda patch: patch.setattr(trace, "read_results", dict),
             "1 of 1 tests have not passed on commit abc1234; run `make nightly`",
         ),
@@ -90,6 +96,58 @@ def test_a_release_is_refused_and_a_draft_is_not(releasable, monkeypatch, capsys
     ]
     assert started(monkeypatch, "--draft", "--board", "icebreaker") == 0
     assert releasable == [(True, 1)]
+
+
+def test_the_commit_has_one_name_in_each_clone(monkeypatch, tmp_path):
+    """Neither a tag nor a setting of git changes it. A new file makes the tree another one."""
+    monkeypatch.setattr(sources, "ROOT", tmp_path)
+    assert sources.commit() == ""
+
+    def git(*words: str) -> None:
+        subprocess.run(["git", "-c", "user.name=a", "-c", "user.email=a@b", *words], cwd=tmp_path, check=True)
+
+    git("init", "-q")
+    git("commit", "-q", "--allow-empty", "-m", "first")
+    name = sources.commit()
+    git("tag", "-a", "v1.2.3", "-m", "1.2.3")
+    git("config", "core.abbrev", "12")
+    assert sources.commit() == name and len(name) == 40
+    (tmp_path / "notes.txt").write_text("private")
+    assert sources.commit() == f"{name}-dirty"
+
+
+def test_other_bytes_than_those_of_the_digests_are_no_release(monkeypatch, tmp_path):
+    """Neither those of an image, before a board is built, nor those of a design. A draft may have them."""
+    made, kept, boards_built = {"firmware-8k-card.hex": "1"}, tmp_path / "digests.txt", []
+    for name in ("add_documents", "add_wheels", "add_firmware"):
+        monkeypatch.setattr(release, name, lambda *_: None)
+    monkeypatch.setattr(release, "ROOT", tmp_path)
+    monkeypatch.setattr(release, "DIST", tmp_path / "dist")
+    monkeypatch.setattr(release, "add_bitstreams", lambda *_: boards_built.append(1))
+    monkeypatch.setattr(release, "licences", str)
+    monkeypatch.setattr(release, "firmware", list)
+    monkeypatch.setattr(digests, "compiler", lambda: "gcc")
+    monkeypatch.setattr(digests, "FILE", kept)
+    monkeypatch.setattr(digests, "of_images", lambda _: made)
+    monkeypatch.setattr(digests, "of_designs", lambda _: {"design-a.bin": "2"})
+    for text, reason, built in (
+        ("3  firmware-8k-card.hex\n2  design-a.bin\n", "firmware-8k-card.hex: another digest than in", 0),
+        ("1  firmware-8k-card.hex\n3  design-a.bin\n", "design-a.bin: another digest than in", 1),
+    ):
+        kept.write_text(f"{digests.COMPILER}gcc\n{text}")
+        with pytest.raises(release.ReleaseError, match=reason):
+            release.build(False, [None], "1.2.3")
+        assert len(boards_built) == built and not (tmp_path / "dist").exists()
+    release.build(True, [None], "1.2.3")
+    kept.write_text(f"{digests.COMPILER}gcc\n1  firmware-8k-card.hex\n2  design-a.bin\n")
+    release.build(False, [None], "1.2.3")
+    assert (tmp_path / "dist/SHA256SUMS").exists()
+
+
+def test_the_licences_of_the_soft_cores_go_with_the_bitstreams():
+    text = release.licences()
+    for holder in ("Apache License", "Claire Xenia Wolf", "Olof Kindgren"):
+        assert holder in text
 
 
 def test_the_tag_is_that_of_the_version(releasable, monkeypatch, capsys):
