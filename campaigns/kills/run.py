@@ -7,9 +7,9 @@
 A sample of the mutants of the Verilog and of the firmware's core and poll loop is drawn over all modules and
 files, at least one of each where the sample lasts; --sample all --only rtu_rx.v takes those of one. With them
 come the bugs of tb/planted.toml that a test or the fuzzer must see, and every fault of
-campaigns/conformance/fixture.py. Only tests that `make test` or .ci/run runs count. The first one that fails
-is named: a test or proof of the changed module or file, or else of the whole card. A mutant with a reason why
-it behaves like the original is no finding.
+campaigns/conformance/fixture.py. Only what `make test` or .ci/run runs counts. The first that fails is named:
+a test or proof of the changed module or file, or else Verilator's warnings, or a test of the whole card. A
+mutant with a reason why it behaves like the original is no finding.
 
 build/kills/matrix.json and matrix.tsv have a row for each. A run that was stopped goes on from there, unless
 a source has changed. Exit 1: nothing notices one of them.
@@ -53,6 +53,7 @@ TEMPLATE = ROOT / "campaigns/kills/kills.md.in"
 SEED_OF_MUTATE, COUNT_OF_MUTATE, COUNT_OF_FIRMWARE = 1, 40, 60
 # A mutant that its own bench does not notice goes to these.
 OF_CARD = ("tb/card", *mutate.OF_CARD)
+LINT = "verilator -Wall"
 WIDER = (OF_CARD, ("campaigns/fuzz/test_fuzz.py",), ("tb/rtl", *mutate.OF_MODULE), (*OF_CARD, *mutate.IN_CI))
 # Of one row, for the time that is left.
 SECONDS = {"Verilog mutant": 60, "firmware mutant": 15, "planted bug": 30, "fuzzer's bug": 30, "fault": 0.3}
@@ -228,11 +229,17 @@ def run_module(matrix: Matrix, module: str, groups: list[tuple[int, list[Change]
 
 
 def noticed_wider(tree: mutate.Tree, mutant: mutate.Mutant) -> str:
-    """The test that fails in another bench or the whole card's tests, and passes without the mutant."""
+    """`make lint`, or the test of another bench or of the whole card that fails with the mutant alone."""
     usual_s, tree.longest_s = tree.longest_s, mutate.LONGEST_S
+    text = tree.original
+    changed = text[: mutant.start] + mutant.text + text[mutant.end :]
+    tree.file.write_text(changed)
+    passed, _ = tree.run(sys.executable, "-m", "tools.lint", "--only", LINT)
+    if not passed:
+        tree.file.write_text(text)
+        return f"make lint, {LINT}"
     for arguments in WIDER:
-        text = tree.original
-        tree.file.write_text(text[: mutant.start] + mutant.text + text[mutant.end :])
+        tree.file.write_text(changed)
         failed = tree.failing_test(*arguments)
         tree.file.write_text(text)
         if failed and not tree.failing_test(*(arguments if " " in failed else (failed, *mutate.IN_CI))):
