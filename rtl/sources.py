@@ -28,19 +28,12 @@ class SourcesError(Exception):
 
 
 def commit() -> str:
-    """The commit of the files as they are now, the same in each clone; empty where there is no git.
-
-    A file that git does not know also makes the tree dirty: a release would contain it.
-    """
-    said = []
-    for words in (["rev-parse", "HEAD"], ["status", "--porcelain"]):
-        try:
-            done = subprocess.run(["git", *words], cwd=ROOT, capture_output=True, text=True, check=False)
-        except OSError:
-            return ""
-        said.append(done.stdout.strip())
-    head, changed = said
-    return f"{head}-dirty" if head and changed else head
+    """The commit of the files as they are now; empty where there is no git."""
+    command = ["git", "describe", "--always", "--dirty"]
+    try:
+        return subprocess.run(command, cwd=ROOT, capture_output=True, text=True, check=False).stdout.strip()
+    except OSError:
+        return ""
 
 
 def bench_file(module: str) -> Path | None:

@@ -9,7 +9,7 @@
 4. In CHANGELOG.md give the version's section its date. Nothing stays below [Unreleased].
 5. Commit; `make lint` and `make nightly` must pass on that commit.
 6. `make release`. Read the site of build/dist with its data sheet and reports.
-7. `git tag -a v1.2.3 -m "rtu2fc 1.2.3"`, and push it: .github/workflows/release.yml repeats 5 and 6
+7. Only then `git tag -a v1.2.3 -m "rtu2fc 1.2.3"`, and push it: .github/workflows/release.yml repeats 5 and 6
    elsewhere. Publish the files if its SHA256SUMS is yours. Equal bytes need equal tools, which the list of
    contents names.
 
@@ -28,6 +28,7 @@ from __future__ import annotations
 import os
 import re
 import shutil
+import subprocess
 import sys
 import tempfile
 import zipfile
@@ -95,6 +96,12 @@ def figures_wrong() -> Iterator[str]:
         yield f"figures are of an older card, and `make evidence` renews them: {', '.join(older)}"
 
 
+def git(*words: str) -> str:
+    return subprocess.run(
+        ["git", *words], cwd=ROOT, capture_output=True, text=True, check=False
+    ).stdout.strip()
+
+
 def refusals(version: str, tag: str) -> list[str]:
     """Why this tree is no release, one line a reason; the slow reason only if there is no quick one."""
     now = commit()
@@ -102,7 +109,7 @@ def refusals(version: str, tag: str) -> list[str]:
     found += [*figures_wrong(), *changelog_wrong(CHANGELOG.read_text(), version)]
     if not now:
         found.append("the commit is not known: this folder is no git repository")
-    if now.endswith("-dirty"):
+    if git("status", "--porcelain"):  # a file that git does not know would be in the site or a package
         found.append("some files are not committed")
     if os.environ.get("FIRMWARE_DEFINES"):
         found.append("FIRMWARE_DEFINES is set; the images of a release have their own options")
@@ -137,7 +144,8 @@ class Dist:
     def write_contents(self) -> None:
         lines = [
             f"rtu2fc {self.version}{', a draft: no release' * self.draft}",
-            f"commit {commit() or 'unknown'}",
+            # Unlike commit(), the same in each clone, with a tag or without.
+            f"commit {git('rev-parse', 'HEAD') or 'unknown'}{'-dirty' * bool(git('status', '--porcelain'))}",
             f"card {fingerprint.card()}, tiny card {fingerprint.card('tiny')}",
             f"compiler {digests.compiler()}",
             *(f"tool {tool}" for tool in flow.tool_versions()),

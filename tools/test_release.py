@@ -4,13 +4,11 @@
 from __future__ import annotations
 
 import hashlib
-import subprocess
 import sys
 
 import pytest
 
 from constraints.boards import boards
-from rtl import sources
 from rtl.command import VERSION
 from tools import digests, evidence, release, trace
 from tools.trace import Result
@@ -50,6 +48,8 @@ def releasable(monkeypatch, tmp_path):
     found.all.add("a")
     monkeypatch.setattr(release, "CHANGELOG", changelog)
     monkeypatch.setattr(release, "commit", lambda: "abc1234")
+    (tree := tmp_path / "tree").mkdir()
+    monkeypatch.setattr(release, "ROOT", tree)
     monkeypatch.setattr(evidence, "older", dict)
     monkeypatch.setattr(trace, "collect", lambda: found)
     monkeypatch.setattr(trace, "read_results", lambda: {"a": Result("passed", "abc1234")})
@@ -74,7 +74,7 @@ def started(monkeypatch, *words: str) -> int:
             "the commit is not known: this folder is no git repository",
         ),
         (
-            lambda patch: patch.setattr(release, "commit", lambda: "abc1234-dirty"),
+            lambda patch: patch.setattr(release, "git", lambda *_: "?? notes.txt"),
             "some files are not committed",
         ),
         (
@@ -98,22 +98,27 @@ def test_a_release_is_refused_and_a_draft_is_not(releasable, monkeypatch, capsys
     assert releasable == [(True, 1)]
 
 
-def test_the_commit_has_one_name_in_each_clone(monkeypatch, tmp_path):
-    """Neither a tag nor a setting of git changes it. A new file makes the tree another one."""
-    monkeypatch.setattr(sources, "ROOT", tmp_path)
-    assert sources.commit() == ""
+def test_the_commit_has_one_name_in_each_clone_and_a_new_file_is_not_committed(releasable, tmp_path):
+    """Neither a tag nor a setting of git changes the name."""
+    own = ("-c", "user.name=a", "-c", "user.email=a@b")
+    release.git("init", "-q")
+    release.git(*own, "commit", "-q", "--allow-empty", "-m", "first")
 
-    def git(*words: str) -> None:
-        subprocess.run(["git", "-c", "user.name=a", "-c", "user.email=a@b", *words], cwd=tmp_path, check=True)
+    def named() -> list[str]:
+        release.Dist(tmp_path, "1.2.3", draft=False).write_contents()
+        content = tmp_path / "rtu2fc-1.2.3-contents.txt"
+        lines = content.read_text().splitlines()
+        content.unlink()
+        return [line for line in lines if line.startswith("commit ")]
 
-    git("init", "-q")
-    git("commit", "-q", "--allow-empty", "-m", "first")
-    name = sources.commit()
-    git("tag", "-a", "v1.2.3", "-m", "1.2.3")
-    git("config", "core.abbrev", "12")
-    assert sources.commit() == name and len(name) == 40
-    (tmp_path / "notes.txt").write_text("private")
-    assert sources.commit() == f"{name}-dirty"
+    first = named()
+    release.git(*own, "tag", "-a", "v1.2.3", "-m", "1.2.3")
+    release.git("config", "core.abbrev", "12")
+    assert named() == first and len(first[0].split()[1]) == 40
+    assert release.refusals(NUMBER, "") == []
+    (release.ROOT / "notes.txt").write_text("private")
+    assert named() == [f"{first[0]}-dirty"]
+    assert release.refusals(NUMBER, "") == ["some files are not committed"]
 
 
 def test_other_bytes_than_those_of_the_digests_are_no_release(monkeypatch, tmp_path):
