@@ -15,8 +15,8 @@ from tb.lib.runner import run
 from tb.rtl import test_firmware_ram as ram
 from tb.rtl.test_uart import UNIT_TESTS
 
-# All tests of the gate except those that flip a register by its name in the Verilog.
-BY_PORTS = r"(?!no_single_bit|a_flipped|stop_)\w+"
+# All tests of the gate except those that flip a register by its name in the Verilog, and those of options.
+BY_PORTS = r"(?!no_single_bit|a_flipped|stop_|second_)\w+"
 
 each_family = pytest.mark.parametrize("family", COUNTED_ON)
 # One family is enough for the benches of modules.
