@@ -347,8 +347,10 @@ def made_from(entry: Board) -> str:
     content = hashlib.sha256()
     for path in (*card_files(entry.config), entry.wrapper, entry.pin_file):
         content.update(bare(path))
-    place = [*nextpnr(entry, BUILD / f"{entry.top}.json"), *entry.seeds]
-    flow = [OPEN_HALVES, SYNTHESIS[entry.family], *place, tool_versions()]
+    # The folder of the pin file does not count: a copy of a board is the same board.
+    pins, name = sandboxed(entry.pin_file), f"constraints/{entry.pin_file.name}"
+    place = [word.replace(pins, name) for word in nextpnr(entry, BUILD / f"{entry.top}.json")]
+    flow = [OPEN_HALVES, SYNTHESIS[entry.family], *place, *entry.seeds, tool_versions()]
     content.update(repr([*row(entry), *flow]).encode())
     return content.hexdigest()
 
