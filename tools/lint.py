@@ -207,6 +207,8 @@ def main() -> int:
         return 1 if problems else 0
 
     failed, chosen = 0, [row for row in CHECKS if given.only in row[0]]
+    if not chosen:
+        parser.error(f"no check has '{given.only}' in its title")
     for title, check in chosen:
         try:
             wrong = check()
