@@ -96,6 +96,8 @@ def _refused(error: Exception, name: str, baud: int, form: str) -> PortError:
         return PortError(f"there is no {name}", f"Ports of this computer: {there}")
     if number == errno.EACCES:
         return PortError(f"no permission for {name}: join the group that owns it, often dialout")
+    if name.startswith("socket://") and ":" not in name.removeprefix("socket://"):
+        return PortError(f"{name} lacks the number of its port, as in {name}:7000")
     if "://" in name:
         return PortError(f"{name} cannot be opened: {text.rpartition(': ')[2]}")
     if number == errno.EINVAL:

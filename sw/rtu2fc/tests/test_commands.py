@@ -384,6 +384,7 @@ def test_a_busy_port_is_one_line(card):
         (["status", "no/such/port"], 3, "there is no no/such/port\n  Ports of this computer: "),
         (["status", "/dev/null"], 3, "rtu2fc status: /dev/null is no serial port that can be opened"),
         (["check", "p", "--unit", "248"], 2, "the unit is 1 to 247, not '248'"),
+        (["status", "socket://127.0.0.1"], 3, "socket://127.0.0.1 lacks the number of its port"),
         (["frobnicate"], 2, "invalid choice: 'frobnicate'"),
         (["status", "socket://127.0.0.1:1"], 3, "127.0.0.1:1 cannot be opened: [Errno "),
         (["check", "p", "--row", "no such row"], 2, "no row has 'no such row' in its title"),
