@@ -20,6 +20,12 @@ from typing import NoReturn
 
 from cocotb_tools.runner import get_results, get_runner
 
+try:
+    import cocotbext.rtu  # noqa: F401
+except ModuleNotFoundError:
+    print("run.py: cocotbext-rtu is missing: pip install the folder above this one", file=sys.stderr)
+    sys.exit(2)
+
 HERE = Path(__file__).resolve().parent
 
 
