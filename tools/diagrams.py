@@ -649,7 +649,7 @@ def drive_port() -> Drawing:
     started = seen.after("telegram_start", 0)
     good = next(at for at, level in seen.edges["good"] if level)
     drawing = Drawing(
-        "drive_port: a telegram and its reply", started - 12 * BIT, answer[-1].end + 26 * BIT, 2.5 * BIT
+        "drive_port: a telegram and its reply", started - 12 * BIT, answer[-1].end + 26 * BIT, 2 * BIT
     )
     drawing.group("pins")
     seen.lanes(drawing, "de")
