@@ -88,13 +88,19 @@ def publish(
     return path
 
 
+def measured_by(entry: dict) -> str:
+    """Its commands, each as one that can be given: `make fuzz`, `make flips` of both cards."""
+    targets, both, _ = entry["command"].removeprefix("make ").partition(" of both cards")
+    return ", ".join(f"`make {target}`" for target in re.split(", | and ", targets)) + both
+
+
 def page_of(name: str) -> str:
     """The main figures of a report, whether or not it was written in this clone."""
     entry = evidence()[name]
     parts = ", ".join(f"{what} `{digits}`" for what, digits in entry["of"].items())
     lines = [
         f"# {entry['title']}",
-        f"Main figures of `{entry['command']}`, which writes the whole report to `build/reports/{name}.md`.",
+        f"Main figures of {measured_by(entry)}. The whole report is then `build/reports/{name}.md`.",
         f"Measured on {parts}." if len(entry["of"]) < 9 else "",
         f"```\n{entry['said']}\n```" if "\n" in entry["said"] else entry["said"],
     ]
@@ -112,7 +118,7 @@ def summary(name: str) -> str:
     table = next(iter(entry["tables"].values()), [])
     rows = table[: max(0, SUMMARY_LINES - len(said))]
     part = f", {len(rows) - 1} of {len(table) - 1} rows" if len(rows) < len(table) else ""
-    parts = [f"**[{entry['title']}](reports.md#{name})**, by `{entry['command']}`{part}"]
+    parts = [f"**[{entry['title']}](reports.md#{name})**, by {measured_by(entry)}{part}"]
     if said:
         parts.append("\n".join(["```", *said, "```"]) if len(said) > 1 else said[0])
     return "\n\n".join([*parts, markdown(rows)] if len(rows) > 1 else parts)

@@ -16,7 +16,8 @@ from os.path import relpath
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from rtl.report_page import REPORTS, evidence, markdown, page_of, summary
+from rtl.command import VERSION
+from rtl.report_page import REPORTS, evidence, markdown, measured_by, page_of, summary
 from rtl.sources import ROOT
 from tools.prose import CODE, ELSEWHERE, FENCE, LINK, REPORT_LIST, places, slug
 
@@ -53,6 +54,7 @@ def navigation() -> list[dict]:
 
 def on_config(config: MkDocsConfig) -> MkDocsConfig:
     config.nav = navigation()
+    config.site_name += f" {VERSION.read_text().strip()}"
     config.mdx_configs["toc"]["slugify"] = lambda text, _separator: slug(text)
     return config
 
@@ -83,7 +85,7 @@ def filled(text: str) -> str:
 
     def table(found: re.Match) -> str:
         entry = evidence()[found[1]]
-        return f"{markdown(entry['tables'][found[2]])}\n\nMeasured by `{entry['command']}`."
+        return f"{markdown(entry['tables'][found[2]])}\n\nMeasured by {measured_by(entry)}."
 
     return EVIDENCE.sub(table, text).replace(SUMMARIES, "\n\n".join(map(summary, evidence())))
 

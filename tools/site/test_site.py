@@ -12,7 +12,7 @@ from pathlib import Path
 
 import pytest
 
-from rtl.report_page import evidence
+from rtl.report_page import evidence, measured_by
 from rtl.sources import ROOT
 from tools import chromium
 from tools.site import hooks
@@ -90,7 +90,7 @@ def test_every_table_that_a_page_names_is_in_the_evidence():
 def test_the_list_of_reports_has_a_summary_of_each():
     page = hooks.filled(hooks.REPORT_LIST.read_text())
     for name, entry in evidence().items():
-        _, shown, rest = page.partition(f"**[{entry['title']}](reports.md#{name})**, by `{entry['command']}`")
+        _, shown, rest = page.partition(f"**[{entry['title']}](reports.md#{name})**, by {measured_by(entry)}")
         lines = [line for line in rest.partition("\n\n**[")[0].splitlines()[1:] if line]
         lines = [line for line in lines if not line.startswith(("```", "| ---"))]
         assert shown and 1 <= len(lines) <= 10, name
