@@ -1,14 +1,14 @@
 # SPDX-License-Identifier: Apache-2.0
-"""SHA-256 of every firmware image and every board's design, kept in tools/digests.txt; `make digests`.
+"""SHA-256 of firmware images, designs and the release's bitstreams, in tools/digests.txt; `make digests`.
 
-    python -m tools.digests [--board NAME ...]             writes those of the images and of these designs
+    python -m tools.digests [--board NAME ...]             writes those of the images and of these boards
     python -m tools.digests --check [--board NAME ...]     builds them and compares; exit 1: one differs
 
 Whoever builds the same sources can see that the bytes are the same. A change of the firmware changes digests
 in the same commit. A design is a bitstream with a test pattern in place of the firmware, so only a change of
-the hardware or of its tools changes it; a release puts images into it (constraints/image.py). Another
-version of the compiler makes other images: the file names the one that it is of. Exit 2: something could not
-be built.
+the hardware or of its tools changes it. Bitstreams have the names of the release's files, version and all, so
+their lines stay those of the release while the firmware goes on. Another version of the compiler makes other
+images: the file names the one that it is of. Exit 2: something could not be built.
 """
 
 from __future__ import annotations
@@ -18,18 +18,20 @@ import os
 import re
 import subprocess
 import sys
+import tempfile
+from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
 
 from constraints import flow, image, synth
 from constraints.boards import Board, board, boards, extended
 from regs.dialects import IMAGES
-from rtl.command import Parser, own_environment, run_main
+from rtl.command import VERSION, Parser, own_environment, run_main
 from rtl.sources import ROOT, SourcesError
 
 FILE = ROOT / "tools/digests.txt"
 COMPILER = "# compiler: "
-FIRMWARE, DESIGN = "firmware-", "design-"  # how the names of either kind begin
+FIRMWARE, DESIGN, BITSTREAM = "firmware-", "design-", "rtu2fc-"  # how the names of each kind begin
 # Folders of sw/firmware.mk with the images of an option, or of all at once.
 OPTIONS = {name.rpartition("/")[2] for name in IMAGES}
 HEAD = "# SHA-256, by `make digests`; what it says: tools/digests.py\n"
@@ -90,8 +92,15 @@ class Image:
 
 
 def firmware() -> list[Image]:
-    """Builds every image with its default options."""
-    command = ["make", "-s", "-f", "sw/firmware.mk", "FIRMWARE_DEFINES=", f"FIRMWARE_PYTHON={sys.executable}"]
+    """Builds every image with its default options, from its sources: a file's time proves nothing."""
+    command = [
+        "make",
+        "-sB",
+        "-f",
+        "sw/firmware.mk",
+        "FIRMWARE_DEFINES=",
+        f"FIRMWARE_PYTHON={sys.executable}",
+    ]
     said = ""
     for target in ("firmware", "firmware-images"):
         done = subprocess.run(
@@ -119,6 +128,8 @@ def kept() -> tuple[str, dict[str, str]]:
     text = FILE.read_text() if FILE.exists() else ""
     compiler = re.search(rf"^{COMPILER}(.*)$", text, re.MULTILINE)
     lines = [line.split("  ") for line in text.splitlines() if line and not line.startswith("#")]
+    if len({name for _, name in lines}) < len(lines):
+        raise BuildError(f"{FILE.name} has a name twice")
     return compiler[1] if compiler else "", {name: value for value, name in lines}
 
 
@@ -144,10 +155,37 @@ def of_designs(entries: list[Board]) -> dict[str, str]:
     return found
 
 
+def fitting(entry: Board, images: list[Image]) -> list[Image]:
+    """Images for the board's memory.
+
+    MASTER_LOSS_STOP alone does nothing in these designs, because their parameter of that name is 0 (SAFE-7).
+    """
+    return [one for one in images if one.words == entry.memory_words and "stop" not in one.options]
+
+
+def bitstreams(entry: Board, images: list[Image]) -> Iterator[tuple[Image, Path]]:
+    """The board's design with each image that fits it; a file lasts until the next is asked for."""
+    design(entry)
+    for one in fitting(entry, images):
+        with tempfile.TemporaryDirectory() as folder:
+            output = Path(folder) / f"image{image.result_suffix(entry)}"
+            image.make(entry, ROOT / one.path, output)
+            yield from ((one, path) for path in image.results(entry, output))
+
+
+def of_bitstreams(entries: list[Board], images: list[Image]) -> dict[str, str]:
+    begin = f"{BITSTREAM}{VERSION.read_text().strip()}"
+    return {
+        f"{begin}-{entry.name}-{one.name}{path.suffix}": digest(path)
+        for entry in entries
+        for one, path in bitstreams(entry, images)
+    }
+
+
 def different(found: dict[str, str], whole: tuple[str, ...]) -> list[str]:
     """A line for each digest that is not that of the file, and for each that nothing makes any more.
 
-    whole: the kinds, FIRMWARE or DESIGN, of which `found` has every one.
+    whole: the kinds, such as FIRMWARE, of which `found` has every one.
     """
     of_file, known = kept()
     wrong = [
@@ -165,12 +203,15 @@ def different(found: dict[str, str], whole: tuple[str, ...]) -> list[str]:
 def main() -> int:
     parser = Parser(prog="digests", description=__doc__.splitlines()[0])
     parser.add_argument("--check", action="store_true", help="compare, write nothing")
-    parser.add_argument("--board", action="append", default=[], help="its design too; all: every board's")
+    parser.add_argument("--board", action="append", default=[], help="its files too; all: every board's")
     given = parser.parse_args()
     every = given.board == ["all"]
-    whole = (FIRMWARE, DESIGN) if every else (FIRMWARE,)
-    found = of_images(firmware())
-    found |= of_designs(both_kinds() if every else [board(name) for name in given.board])
+    whole = (FIRMWARE, DESIGN, BITSTREAM) if every else (FIRMWARE,)
+    chosen = both_kinds() if every else [board(name) for name in given.board]
+    images = firmware()
+    found = of_images(images) | of_designs(chosen)
+    if every or given.check:  # written all at once, for a release; then they stay its own
+        found |= of_bitstreams(chosen, images)
     _, known = kept()
     if not given.check:
         write({name: value for name, value in known.items() if not name.startswith(whole)} | found)

@@ -14,8 +14,8 @@
    contents names.
 
 Bitstreams of every board, of both kinds, with every firmware image that fits it, the images, the Python
-packages, site of the documentation, the licences, a list of contents and SHA256SUMS. Finished designs are
-taken as they are (build/synth); a missing or older one is placed and routed first.
+packages, site of the documentation, the sources, the licences, a list of contents and SHA256SUMS. Finished
+designs are taken as they are (build/synth); a missing or older one is placed and routed first.
 
 A release is refused, one line a reason: its figures are of another card, a test has not passed on its commit,
 files are not committed, CHANGELOG.md has no section of its version, FIRMWARE_DEFINES is set, or `--tag` is
@@ -25,6 +25,7 @@ Exit 1: refused; 2: something could not be built, or has other bytes than tools/
 
 from __future__ import annotations
 
+import gzip
 import os
 import re
 import shutil
@@ -42,7 +43,7 @@ from constraints.boards import Board, board
 from rtl.command import VERSION, Parser, run_main
 from rtl.sources import ROOT, SourcesError, commit, configuration, configurations, core_files
 from tools import digests, evidence, trace, wheels
-from tools.digests import DESIGN, FIRMWARE, Image, both_kinds, design, digest, firmware
+from tools.digests import BITSTREAM, FIRMWARE, Image, bitstreams, both_kinds, digest, firmware
 from tools.site import build as site
 
 DIST = ROOT / "build/dist"
@@ -53,6 +54,8 @@ ZIP_DATE = (1980, 1, 1, 0, 0, 0)
 ZIP_MODE = 0o100644 << 16
 LICENCES = ("COPYING", "LICENSE")  # names of the file in the packages of the soft cores
 HOW_TO_CHOOSE = """\
+No file here has been on silicon or next to a motor. First read: docs, Handbook, Safety.
+Check the files: sha256sum -c SHA256SUMS (Windows: certutil -hashfile FILE SHA256).
 A bitstream is named rtu2fc-VERSION-BOARD-FIRMWARE. Pages of the documentation (docs) say more.
 BOARD     the board; with -extended its switches also have 38400 and 115200 bit/s and 8N1
 FIRMWARE  card, unless you want another dialect or option: docs, Data sheet, Images of a release
@@ -133,13 +136,14 @@ class Dist:
     def name(self, what: str, suffix: str) -> str:
         return f"rtu2fc-{self.version}-{what}{'-draft' * self.draft}{suffix}"
 
-    def add(self, what: str, suffix: str, content: bytes, description: str) -> None:
-        self.put(self.name(what, suffix), content, description)
+    def add(self, what: str, suffix: str, content: bytes, description: str) -> str:
+        return self.put(self.name(what, suffix), content, description)
 
-    def put(self, name: str, content: bytes, description: str) -> None:
+    def put(self, name: str, content: bytes, description: str) -> str:
         (self.folder / name).write_bytes(content)
         self.described[name] = description
         print(f"  {name}", flush=True)
+        return name
 
     def write_contents(self) -> None:
         lines = [
@@ -166,7 +170,10 @@ def sums_name(draft: bool) -> str:
 
 
 def add_firmware(dist: Dist, images: list[Image]) -> None:
+    """Those that do something in a design of the release (`digests.fitting`)."""
     for one in images:
+        if "stop" in one.options:
+            continue
         memory = one.memory.replace(" KiB", "k")
         text = f"firmware {one.name} for a memory of {one.memory} (`make image`)"
         dist.add(f"firmware-{memory}-{one.name}", ".hex", one.path.read_bytes(), text)
@@ -180,25 +187,16 @@ def kind(entry: Board, path: Path) -> str:
     )
 
 
-def fitting(entry: Board, images: list[Image]) -> list[Image]:
-    """Images for the board's memory.
-
-    MASTER_LOSS_STOP alone does nothing in these designs, because their parameter of that name is 0 (SAFE-7).
-    """
-    return [one for one in images if one.words == entry.memory_words and "stop" not in one.options]
-
-
-def add_bitstreams(dist: Dist, entry: Board, images: list[Image]) -> None:
-    design(entry)
+def add_bitstreams(dist: Dist, entry: Board, images: list[Image]) -> dict[str, str]:
+    """Adds them, and returns their digests."""
     pair = configuration(entry.config)["soft_core"] == "picorv32"
     about = f"{entry.name} ({entry.part}), LOCKSTEP {entry.parameters.get('LOCKSTEP', int(pair))}"
-    with tempfile.TemporaryDirectory() as folder:
-        for one in fitting(entry, images):
-            output = Path(folder) / f"image{image.result_suffix(entry)}"
-            image.make(entry, ROOT / one.path, output)
-            for path in image.results(entry, output):
-                text = f"{kind(entry, path)} of {about}, firmware {one.name}"
-                dist.add(f"{entry.name}-{one.name}", path.suffix, path.read_bytes(), text)
+    made = {}
+    for one, path in bitstreams(entry, images):
+        text = f"{kind(entry, path)} of {about}, firmware {one.name}"
+        name = dist.add(f"{entry.name}-{one.name}", path.suffix, path.read_bytes(), text)
+        made[name] = digest(dist.folder / name)
+    return made
 
 
 def archive(folder: Path, top: str) -> bytes:
@@ -232,6 +230,17 @@ def add_wheels(dist: Dist) -> None:
             dist.put(f"{name}.whl", path.read_bytes(), f"Python package {package} (`pip install`)")
 
 
+def add_sources(dist: Dist) -> None:
+    """What git has of the commit; the pages send their reader to a clone, and this is as good."""
+    top = dist.name("source", "")
+    settings = ("-c", "tar.umask=0022", "-c", "core.autocrlf=false")  # those of its user change the bytes
+    command = ["git", *settings, "archive", "--format=tar", f"--prefix={top}/", "HEAD"]
+    packed = subprocess.run(command, cwd=ROOT, capture_output=True, check=False)
+    if packed.returncode:
+        raise ReleaseError("the sources cannot be packed: this folder is no git repository")
+    dist.add("source", ".tar.gz", gzip.compress(packed.stdout, mtime=0), "the sources of all of it")
+
+
 def licences() -> str:
     """The project's licence, and those of the soft cores, which are part of the bitstreams."""
     found = {"rtu2fc": ROOT / "LICENSE"}
@@ -256,14 +265,16 @@ def build(draft: bool, chosen: list[Board], version: str) -> None:
         add_documents(dist)
         add_wheels(dist)
         dist.add("licences", ".txt", licences().encode(), "licences of the project and of the soft cores")
+        add_sources(dist)
         images = firmware()
         if not draft:
             check_digests(digests.of_images(images), FIRMWARE)
         add_firmware(dist, images)
+        made = {}
         for entry in chosen:
-            add_bitstreams(dist, entry, images)
+            made |= add_bitstreams(dist, entry, images)
         if not draft:
-            check_digests(digests.of_designs(chosen), DESIGN)
+            check_digests(made, BITSTREAM)
         dist.write_contents()
         dist.write_sums()
         shutil.rmtree(DIST, ignore_errors=True)

@@ -9,11 +9,11 @@ import pytest
 
 from constraints.boards import board
 from tools import digests
-from tools.digests import DESIGN, FIRMWARE
+from tools.digests import BITSTREAM, DESIGN, FIRMWARE
 
 COMPILER = "gcc 12"
 KEPT = {"firmware-8k-card.hex": "1" * 64, "firmware-8k-builtin.hex": "2" * 64}
-KEPT |= {"design-ulx3s.bit": "3" * 64}
+KEPT |= {"design-ulx3s.bit": "3" * 64, "rtu2fc-1.2.3-ulx3s-card.bit": "7" * 64}
 
 
 @pytest.fixture
@@ -27,11 +27,13 @@ def run(tmp_path, monkeypatch):
 
     def run(made: dict[str, str], *options: str, compiler: str = COMPILER) -> int:
         kinds = {
-            kind: {name: made[name] for name in made if name.startswith(kind)} for kind in (FIRMWARE, DESIGN)
+            kind: {name: made[name] for name in made if name.startswith(kind)}
+            for kind in (FIRMWARE, DESIGN, BITSTREAM)
         }
         monkeypatch.setattr(digests, "compiler", lambda: compiler)
         monkeypatch.setattr(digests, "of_images", lambda images: kinds[FIRMWARE])
         monkeypatch.setattr(digests, "of_designs", lambda entries: kinds[DESIGN] if entries else {})
+        monkeypatch.setattr(digests, "of_bitstreams", lambda entries, _: kinds[BITSTREAM] if entries else {})
         monkeypatch.setattr(sys, "argv", ["digests", *options])
         return digests.main()
 
@@ -73,20 +75,60 @@ def test_a_file_that_lacks_what_it_ought_to_say_is_no_match(run):
     assert run(SAME, "--check") == 1
 
 
-def test_all_boards_are_all_designs(run, capsys):
+def test_a_name_has_one_digest(run):
+    with digests.FILE.open("a") as file:
+        file.write(f"{'8' * 64}  firmware-8k-card.hex\n")
+    with pytest.raises(digests.BuildError, match="has a name twice"):
+        run(OTHER, "--check")
+
+
+def test_all_boards_are_all_designs_and_bitstreams(run, capsys):
     assert run(KEPT, "--check", "--board", "all") == 0
     made = SAME | {"design-icebreaker.bin": "6" * 64}
     assert run(made, "--check", "--board", "all") == 1
     said = capsys.readouterr().err
     assert "design-icebreaker.bin: not in" in said
-    assert "design-ulx3s.bit: in digests.txt, but not made" in said
+    for name in ("design-ulx3s.bit", "rtu2fc-1.2.3-ulx3s-card.bit"):
+        assert f"{name}: in digests.txt, but not made" in said
     assert run(made, "--board", "all") == 0 and digests.kept() == (COMPILER, made)
 
 
-def test_writing_keeps_the_designs_and_forgets_old_images(run):
+def test_writing_keeps_the_boards_and_forgets_old_images(run):
     made = {"firmware-8k-card.hex": "5" * 64}
     assert run(made) == 0
-    assert digests.kept() == (COMPILER, made | {"design-ulx3s.bit": "3" * 64})
+    boards = {name: value for name, value in KEPT.items() if not name.startswith(FIRMWARE)}
+    assert digests.kept() == (COMPILER, made | boards)
+
+
+def test_a_bitstream_has_the_name_of_its_file_in_the_release(monkeypatch, tmp_path):
+    """A board's memory decides which images fit; the option that stops nothing there is left out."""
+    entry, memory = board("hx8k-breakout"), "00000013\n"
+    paths = [
+        tmp_path / folder / "firmware.hex"
+        for folder in ("build", "build/stop", "build/builtin/gaps", "build/large")
+    ]
+    for path in paths:
+        path.parent.mkdir(parents=True)
+        path.write_text(memory * (entry.memory_words * (2 if "large" in path.parts else 1)))
+    monkeypatch.setattr(digests, "design", lambda _: None)
+    monkeypatch.setattr(digests.image, "make", lambda _, hex_file, to: to.write_bytes(hex_file.read_bytes()))
+    monkeypatch.setattr(digests, "ROOT", tmp_path)
+    monkeypatch.chdir(tmp_path)
+    made = digests.of_bitstreams([entry], [digests.Image(path.relative_to(tmp_path)) for path in paths])
+    version = digests.VERSION.read_text().strip()
+    assert set(made) == {f"rtu2fc-{version}-hx8k-breakout-{name}.bin" for name in ("card", "builtin-gaps")}
+    assert set(made.values()) == {digests.digest(paths[0])}
+
+
+def test_an_image_is_built_from_its_sources_whatever_the_times_of_files_say(monkeypatch):
+    """An image that is newer than a changed source must not pass as that of the source."""
+    said = []
+    run = digests.subprocess.run
+    monkeypatch.setattr(
+        digests.subprocess, "run", lambda command, **more: said.append(command) or run(["true"], **more)
+    )
+    digests.firmware()
+    assert said and all("B" in command[1] for command in said)
 
 
 @pytest.mark.nightly("synth")

@@ -5,6 +5,7 @@ from __future__ import annotations
 
 import hashlib
 import sys
+import tarfile
 
 import pytest
 
@@ -122,31 +123,78 @@ def test_the_commit_has_one_name_in_each_clone_and_a_new_file_is_not_committed(r
 
 
 def test_other_bytes_than_those_of_the_digests_are_no_release(monkeypatch, tmp_path):
-    """Neither those of an image, before a board is built, nor those of a design. A draft may have them."""
+    """Neither those of an image, before a board is built, nor those of a bitstream. A draft may have them."""
     made, kept, boards_built = {"firmware-8k-card.hex": "1"}, tmp_path / "digests.txt", []
-    for name in ("add_documents", "add_wheels", "add_firmware"):
+    bitstream = f"rtu2fc-{NUMBER}-a-card.bin"
+    for name in ("add_documents", "add_wheels", "add_sources", "add_firmware"):
         monkeypatch.setattr(release, name, lambda *_: None)
     monkeypatch.setattr(release, "ROOT", tmp_path)
     monkeypatch.setattr(release, "DIST", tmp_path / "dist")
-    monkeypatch.setattr(release, "add_bitstreams", lambda *_: boards_built.append(1))
+    monkeypatch.setattr(release, "add_bitstreams", lambda *_: boards_built.append(1) or {bitstream: "2"})
     monkeypatch.setattr(release, "licences", str)
     monkeypatch.setattr(release, "firmware", list)
     monkeypatch.setattr(digests, "compiler", lambda: "gcc")
     monkeypatch.setattr(digests, "FILE", kept)
     monkeypatch.setattr(digests, "of_images", lambda _: made)
-    monkeypatch.setattr(digests, "of_designs", lambda _: {"design-a.bin": "2"})
     for text, reason, built in (
-        ("3  firmware-8k-card.hex\n2  design-a.bin\n", "firmware-8k-card.hex: another digest than in", 0),
-        ("1  firmware-8k-card.hex\n3  design-a.bin\n", "design-a.bin: another digest than in", 1),
+        (f"3  firmware-8k-card.hex\n2  {bitstream}\n", "firmware-8k-card.hex: another digest than in", 0),
+        (f"1  firmware-8k-card.hex\n3  {bitstream}\n", f"{bitstream}: another digest than in", 1),
     ):
         kept.write_text(f"{digests.COMPILER}gcc\n{text}")
         with pytest.raises(release.ReleaseError, match=reason):
             release.build(False, [None], "1.2.3")
         assert len(boards_built) == built and not (tmp_path / "dist").exists()
     release.build(True, [None], "1.2.3")
-    kept.write_text(f"{digests.COMPILER}gcc\n1  firmware-8k-card.hex\n2  design-a.bin\n")
+    kept.write_text(f"{digests.COMPILER}gcc\n1  firmware-8k-card.hex\n2  {bitstream}\n")
     release.build(False, [None], "1.2.3")
     assert (tmp_path / "dist/SHA256SUMS").exists()
+
+
+def test_the_digest_of_a_bitstream_is_that_of_the_file(monkeypatch, tmp_path):
+    """So a firmware that changes after its check, while a board is placed, is no release."""
+    (packed := tmp_path / "image.bin").write_bytes(b"bits")
+    one = digests.Image(digests.Path("build/delay20/firmware.hex"))
+    monkeypatch.setattr(release, "bitstreams", lambda *_: [(one, packed)])
+    dist = release.Dist(tmp_path, "1.2.3", draft=False)
+    made = release.add_bitstreams(dist, boards()["icebreaker"], [])
+    name = "rtu2fc-1.2.3-icebreaker-card-delay20.bin"
+    assert made == {name: hashlib.sha256((tmp_path / name).read_bytes()).hexdigest()}
+
+
+def test_no_firmware_of_a_release_promises_a_stop(monkeypatch, tmp_path):
+    """No design of the release stops the drive by itself, whatever its firmware says."""
+    monkeypatch.setattr(release, "ROOT", tmp_path)
+    monkeypatch.chdir(tmp_path)
+    images = [digests.Image(digests.Path(f"build{folder}/firmware.hex")) for folder in ("", "/stop")]
+    for one in images:
+        one.path.parent.mkdir()
+        one.path.write_text("00000013\n" * 2048)
+    dist = release.Dist(tmp_path, "1.2.3", draft=False)
+    release.add_firmware(dist, images)
+    assert list(dist.described) == ["rtu2fc-1.2.3-firmware-8k-card.hex"]
+
+
+def test_the_sources_are_those_of_the_commit(monkeypatch, tmp_path):
+    """The same bytes with other settings of git; neither a changed nor an unknown file is in them."""
+    (tree := tmp_path / "tree").mkdir()
+    monkeypatch.setattr(release, "ROOT", tree)
+    (tree / "a.txt").write_text("first\n")
+    release.git("init", "-q")
+    release.git("add", "a.txt")
+    release.git("-c", "user.name=a", "-c", "user.email=a@b", "commit", "-q", "-m", "first")
+    dist = release.Dist(tmp_path, "1.2.3", draft=False)
+    file = tmp_path / "rtu2fc-1.2.3-source.tar.gz"
+    release.add_sources(dist)
+    before = file.read_bytes()
+    (tree / "a.txt").write_text("second\n")
+    (tree / "notes.txt").write_text("private\n")
+    release.git("config", "tar.umask", "0")
+    release.git("config", "core.autocrlf", "true")
+    release.add_sources(dist)
+    assert file.read_bytes() == before
+    with tarfile.open(file) as packed:
+        assert packed.getnames() == ["rtu2fc-1.2.3-source", "rtu2fc-1.2.3-source/a.txt"]
+        assert packed.extractfile("rtu2fc-1.2.3-source/a.txt").read() == b"first\n"
 
 
 def test_the_licences_of_the_soft_cores_go_with_the_bitstreams():
