@@ -91,16 +91,9 @@ class Image:
         return f"{4 * self.words // 1024} KiB"
 
 
-def firmware() -> list[Image]:
-    """Builds every image with its default options, from its sources: a file's time proves nothing."""
-    command = [
-        "make",
-        "-sB",
-        "-f",
-        "sw/firmware.mk",
-        "FIRMWARE_DEFINES=",
-        f"FIRMWARE_PYTHON={sys.executable}",
-    ]
+def firmware(how: str = "-sB") -> list[Image]:
+    """Builds every image with its default options, from its sources: the time of a file proves nothing."""
+    command = ["make", how, "-f", "sw/firmware.mk", "FIRMWARE_DEFINES=", f"FIRMWARE_PYTHON={sys.executable}"]
     said = ""
     for target in ("firmware", "firmware-images"):
         done = subprocess.run(
