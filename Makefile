@@ -267,7 +267,7 @@ $(foreach each,$(CAMPAIGNS),$(eval $(call campaign,$(word 1,$(subst =, ,$(each))
 release: diagrams | setup-synth setup-docs ## all files of a release: build/dist (DRAFT=1, BOARD=name)
 	@$(RUN) tools.release $(if $(TAG),--tag "$(TAG)") $(if $(DRAFT),--draft) $(if $(BOARD),--board $(BOARD))
 
-digests: | setup-test ## SHA-256 of images and designs: tools/digests.txt (CHECK=1: compare; BOARD=name or all: designs too)
+digests: | setup-test ## SHA-256 of images: tools/digests.txt (CHECK=1: compare; BOARD=name or all: its designs, bitstreams, too)
 	@$(if $(BOARD),tools/setup.sh synth)
 	@$(RUN) tools.digests $(if $(CHECK),--check) $(if $(BOARD),--board $(BOARD))
 

@@ -87,6 +87,11 @@ class Image:
         return "-".join([*dialect, *self.options]).replace("_", "-")
 
     @property
+    def released(self) -> bool:
+        """MASTER_LOSS_STOP alone does nothing in designs of a release, whose parameter is 0 (SAFE-7)."""
+        return "stop" not in self.options
+
+    @property
     def memory(self) -> str:
         return f"{4 * self.words // 1024} KiB"
 
@@ -149,11 +154,8 @@ def of_designs(entries: list[Board]) -> dict[str, str]:
 
 
 def fitting(entry: Board, images: list[Image]) -> list[Image]:
-    """Images for the board's memory.
-
-    MASTER_LOSS_STOP alone does nothing in these designs, because their parameter of that name is 0 (SAFE-7).
-    """
-    return [one for one in images if one.words == entry.memory_words and "stop" not in one.options]
+    """Images of a release for the board's memory."""
+    return [one for one in images if one.words == entry.memory_words and one.released]
 
 
 def bitstreams(entry: Board, images: list[Image]) -> Iterator[tuple[Image, Path]]:

@@ -170,10 +170,7 @@ def sums_name(draft: bool) -> str:
 
 
 def add_firmware(dist: Dist, images: list[Image]) -> None:
-    """Those that do something in a design of the release (`digests.fitting`)."""
-    for one in images:
-        if "stop" in one.options:
-            continue
+    for one in filter(lambda one: one.released, images):
         memory = one.memory.replace(" KiB", "k")
         text = f"firmware {one.name} for a memory of {one.memory} (`make image`)"
         dist.add(f"firmware-{memory}-{one.name}", ".hex", one.path.read_bytes(), text)
